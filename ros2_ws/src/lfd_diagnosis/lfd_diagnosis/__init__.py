@@ -1,0 +1,1 @@
+"""Fault indices, confidence and the verdict on every sensor."""

@@ -1,0 +1,79 @@
+"""What is said about one signal, and the names of its states."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from math import nan
+
+
+class State(IntEnum):
+    """States of a signal; the values are those of `lfd_msgs/SignalFault`."""
+
+    NOT_READY = 0
+    OK = 1
+    SUSPECT = 2
+    FAULT = 3
+    NO_DATA = 4
+    NO_TARGET = 5
+
+
+SIGNALS = ("clearance", "relative_velocity", "radar", "acceleration")
+"""Names of the verdicts in a report, in the order in which events are published."""
+
+
+@dataclass(frozen=True)
+class SignalVerdict:
+    """The fields, units and meanings of `lfd_msgs/SignalFault`; `since` in ns."""
+
+    state: State
+    index: float
+    threshold: float
+    confidence: int
+    confidence_threshold: int
+    since: int
+    reason: str
+    kind: int = 0
+    size: float = nan
+    size_std: float = nan
+
+
+@dataclass(frozen=True)
+class Report:
+    """The fields and meanings of `lfd_msgs/FaultReport`; `stamp` in ns."""
+
+    stamp: int
+    step: int
+    clearance: SignalVerdict
+    relative_velocity: SignalVerdict
+    radar: SignalVerdict
+    acceleration: SignalVerdict
+
+
+@dataclass(frozen=True)
+class Event:
+    """The fields and meanings of `lfd_msgs/FaultEvent`; `stamp` and `old_since` in ns."""
+
+    stamp: int
+    signal: str
+    old_state: State
+    old_since: int
+    fault: SignalVerdict
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """The fields, units and meanings of `lfd_msgs/ReconstructedState`; `stamp` in ns."""
+
+    stamp: int
+    step: int
+    clearance_valid: bool
+    clearance: float
+    clearance_std: float
+    relative_velocity_valid: bool
+    relative_velocity: float
+    relative_velocity_std: float
+    relative_acceleration_valid: bool
+    relative_acceleration: float
+    acceleration_valid: bool
+    acceleration: float
+    acceleration_std: float
+    reason: str

@@ -1,0 +1,1 @@
+"""The 100 Hz model predictive controller: samples in, prediction horizons out."""

@@ -1,0 +1,75 @@
+"""Settings: one frozen model per node; every field carries its unit, meaning and source.
+
+The same models declare the ROS parameters, check a parameter file offline and make the parameter
+files of `lfd_bringup`, so that a parameter is described in one place.
+"""
+
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+STEP_NS = 10_000_000
+"""One step of the algorithm in nanoseconds of stamp time."""
+
+STEP_S = STEP_NS * 1e-9
+"""One step of the algorithm, `dt`, in seconds."""
+
+
+def setting(default: Any, unit: str, text: str, source: str, **limits: Any) -> Any:
+    """One field of a settings model.
+
+    `unit` is the field's unit ("1" = none), `source` where the default comes from; `limits` are
+    pydantic's (`ge`, `gt`, `le`, `lt`).
+    """
+    return Field(
+        default, description=text, json_schema_extra={"unit": unit, "source": source}, **limits
+    )
+
+
+class Settings(BaseModel):
+    """Base of all settings: unknown names and non-finite numbers are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class HorizonSettings(Settings):
+    """What controller, bank and diagnosis must agree on."""
+
+    prediction_steps: int = setting(
+        20, "steps", "prediction horizon N, steps of 10 ms", "section 3, N = 20", ge=2, le=100
+    )
+
+
+class MpcSettings(HorizonSettings):
+    """Settings of the controller, eqs 1 to 10."""
+
+    preview_time: float = setting(
+        1.5, "s", "preview time t_p of the desired clearance", "algorithm notes, eq 1", ge=0.0, le=10.0
+    )
+    minimum_clearance: float = setting(
+        5.0, "m", "clearance c_0 wanted at standstill", "algorithm notes, eq 1", ge=0.0, le=100.0
+    )
+    weight_slope: float = setting(
+        2.0, "1", "slope beta of the tanh weights along the horizon", "algorithm notes, eq 3", gt=0.0, le=100.0
+    )
+    clearance_weight: float = setting(
+        1.0, "1", "weight q1 of the clearance error", "algorithm notes, eq 3", ge=0.0, le=1e6
+    )
+    relative_velocity_weight: float = setting(
+        1.0, "1", "weight q2 of the relative velocity", "algorithm notes, eq 3", ge=0.0, le=1e6
+    )
+    input_weight: float = setting(
+        10.0, "1", "weight R of changes of the input along the horizon", "algorithm notes, eq 4", ge=0.0, le=1e9
+    )
+    acceleration_lower: float = setting(
+        -5.0, "m/s^2", "lower limit of the planned acceleration", "algorithm notes, eq 6", ge=-20.0, le=0.0
+    )
+    acceleration_upper: float = setting(
+        3.0, "m/s^2", "upper limit of the planned acceleration", "algorithm notes, eq 6", ge=0.0, le=20.0
+    )
+    solver: str = setting(
+        "proxqp", "1", "quadratic program solver: proxqp, or any solver name of qpsolvers", "own choice"
+    )
+    residual_limit: float = setting(
+        1e-9, "m/s^2", "optimality residual above which a problem is solved again exactly", "own choice", gt=0.0, le=1e-3
+    )

@@ -1,0 +1,1 @@
+"""The bank of sliding mode observers: prediction horizons in, acceleration limits out."""
