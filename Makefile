@@ -1,0 +1,25 @@
+# Everything is set up inside this folder: environment in .venv, workspace in ros2_ws.
+PYTHON ?= python3
+DRIVE ?=
+FAULT ?=
+RATE ?= 1.0
+PROFILE ?= paper
+
+.PHONY: setup replay test lint clean
+
+setup:
+	@command -v git >/dev/null || { echo "setup: missing: git" >&2; exit 1; }
+	@command -v $(PYTHON) >/dev/null || { echo "setup: missing: Python 3.10 to 3.13 ($(PYTHON) not found)" >&2; exit 1; }
+	@$(PYTHON) tools/setup.py
+
+replay: setup
+	@./run lfd_bringup replay --drive '$(DRIVE)' --fault '$(FAULT)' --rate '$(RATE)' --profile '$(PROFILE)' --out out/replay
+
+test: setup
+	@tools/test
+
+lint: setup
+	@.venv/bin/ruff check . && .venv/bin/ruff format --check .
+
+clean:
+	rm -rf .venv out ros2_ws/build ros2_ws/install ros2_ws/log

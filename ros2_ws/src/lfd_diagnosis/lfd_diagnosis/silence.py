@@ -1,0 +1,41 @@
+"""Whether nothing arrives at all, judged by a wall clock that a paused replay can hold."""
+
+LIMIT = 0.5
+"""Seconds without a step after which the sensors count as silent."""
+
+CLOCK_LOST = 2.0
+"""Seconds without a /clock message after which simulated time no longer holds the wall clock."""
+
+
+class SilenceWatch:
+    """Watches for steps. In simulated time a pause is no silence, as long as its clock lives."""
+
+    def __init__(self, wall: float) -> None:
+        """`wall`: present wall time in s."""
+        self._heard = wall
+        self._clock_heard: float | None = None
+        self._simulated = 0.0
+        self._simulated_heard: float | None = None
+
+    def clock(self, wall: float, simulated: float) -> None:
+        """Simulated time was told to be `simulated` (s) at wall time (s)."""
+        self._clock_heard, self._simulated = wall, simulated
+        if self._simulated_heard is None:
+            self._simulated_heard = simulated
+
+    def heard(self, wall: float) -> None:
+        """A step was answered at wall time (s)."""
+        self._heard = wall
+        self._simulated_heard = self._simulated
+
+    def silent(self, wall: float, simulated_time: bool) -> bool:
+        """Whether to say now that nothing arrives; `simulated_time`: /clock is to be followed."""
+        if wall - self._heard <= LIMIT:
+            return False
+        if not simulated_time:
+            return True
+        if self._clock_heard is None or self._simulated_heard is None:
+            return False
+        if wall - self._clock_heard > CLOCK_LOST:
+            return True
+        return self._simulated - self._simulated_heard > LIMIT

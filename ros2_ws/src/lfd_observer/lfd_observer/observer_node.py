@@ -1,0 +1,43 @@
+"""observer_node: prediction horizons in, the observer bank's limits out."""
+
+import sys
+
+from lfd_mpc.horizon import Horizon
+from lfd_mpc.messages import from_message, to_message
+from lfd_mpc.node_support import PIPELINE_QOS, ReadyAnnouncer, declare_settings, run_node
+from lfd_msgs.msg import ObserverBank as ObserverBankMessage
+from lfd_msgs.msg import PredictionHorizon
+from rclpy.context import Context
+from rclpy.node import Node
+
+from lfd_observer.bank import ObserverBank
+from lfd_observer.settings import BankSettings
+
+
+class ObserverNode(Node):
+    """One answer per horizon."""
+
+    def __init__(self, context: Context | None = None, **node_options) -> None:
+        """Raises UserError for parameters that cannot work."""
+        super().__init__("observer_node", context=context, **node_options)
+        self._core = ObserverBank(declare_settings(self, BankSettings))
+        self._bank = self.create_publisher(ObserverBankMessage, "observer/bank", PIPELINE_QOS)
+        self.create_subscription(PredictionHorizon, "mpc/horizon", self._on_horizon, PIPELINE_QOS)
+        ReadyAnnouncer(self, ["mpc/horizon"])
+
+    def _on_horizon(self, message: PredictionHorizon) -> None:
+        try:
+            state = self._core.step(from_message(Horizon, message))
+        except ValueError as error:
+            self.get_logger().error(f"mpc/horizon: {error}", throttle_duration_sec=1.0)
+            return
+        self._bank.publish(to_message(state, ObserverBankMessage()))
+
+
+def main() -> int:
+    """Entry point of `lfd_observer observer_node`."""
+    return run_node(ObserverNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

