@@ -12,12 +12,12 @@ from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu
 
+from lfd_mpc.errors import UserError
 from lfd_mpc.horizon import Horizon, Mpc
 from lfd_mpc.messages import from_time, radar_sample, to_message
 from lfd_mpc.node_support import (
     PIPELINE_QOS,
     ReadyAnnouncer,
-    UserError,
     declare_settings,
     run_node,
 )

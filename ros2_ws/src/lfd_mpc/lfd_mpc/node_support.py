@@ -12,7 +12,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from lfd_mpc.settings import Settings
+from lfd_mpc.errors import UserError
+from lfd_mpc.settings import Settings, settings_error
 
 READY_TOPIC = "ready"
 READY_QOS = QoSProfile(depth=20, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -22,10 +23,6 @@ PIPELINE_QOS = QoSProfile(depth=1000)
 """Between nodes: reliable, deep enough for a burst of steps."""
 
 SettingsType = TypeVar("SettingsType", bound=Settings)
-
-
-class UserError(Exception):
-    """A user's mistake: its text is the one line that the user sees; exit status 2."""
 
 
 def declare_settings(node: Node, kind: type[SettingsType]) -> SettingsType:
@@ -62,14 +59,6 @@ def declare_settings(node: Node, kind: type[SettingsType]) -> SettingsType:
         raise UserError(settings_error(error)) from error
     _refuse_unknown(node)
     return settings
-
-
-def settings_error(error: ValidationError) -> str:
-    """One line for settings that pydantic refused."""
-    first = error.errors(include_url=False)[0]
-    where = ".".join(str(part) for part in first["loc"])
-    given = f", got {first['input']!r}" if where else ""
-    return f"parameter {where}: {first['msg']}{given}" if where else first["msg"]
 
 
 def _bounds(metadata: list) -> tuple[float | None, float | None]:

@@ -6,7 +6,7 @@ files of `lfd_bringup`, so that a parameter is described in one place.
 
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 STEP_NS = 10_000_000
 """One step of the algorithm in nanoseconds of stamp time."""
@@ -30,6 +30,14 @@ class Settings(BaseModel):
     """Base of all settings: unknown names and non-finite numbers are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def settings_error(error: ValidationError) -> str:
+    """One line for settings that pydantic refused."""
+    first = error.errors(include_url=False)[0]
+    where = ".".join(str(part) for part in first["loc"])
+    given = f", got {first['input']!r}" if where else ""
+    return f"parameter {where}: {first['msg']}{given}" if where else first["msg"]
 
 
 class HorizonSettings(Settings):

@@ -1,0 +1,119 @@
+"""A drive: what the sensors of one car said, in the order in which it is played."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+
+from lfd_mpc.errors import UserError
+from lfd_mpc.sampling import ACCELERATION, AHEAD_NS, INPUTS, RADAR, RadarSample, Sample
+
+_PLAYING_ORDER = {name: position for position, name in enumerate(INPUTS)}
+_PLAYING_ORDER[ACCELERATION] = len(INPUTS)
+"""At equal stamps the acceleration sample comes last: it releases the step."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """`samples` in playing order; `zero` is the drive's time zero in ns: its earliest stamp."""
+
+    name: str
+    samples: Sequence[Sample]
+    warnings: Sequence[str] = field(default=())
+
+    @property
+    def zero(self) -> int:
+        """Earliest stamp of any input in ns."""
+        return min(sample.stamp for sample in self.samples)
+
+    @property
+    def duration(self) -> float:
+        """From the earliest stamp to the latest one, in s."""
+        return (max(sample.stamp for sample in self.samples) - self.zero) * 1e-9
+
+    def count(self, name: str) -> int:
+        """How many samples of one input there are."""
+        return sum(sample.input == name for sample in self.samples)
+
+
+def make_drive(name: str, streams: dict[str, list[Sample]]) -> Drive:
+    """Merge streams, each in the order of its recording, into one drive.
+
+    Raises UserError where there is no radar or no acceleration sample at all.
+    """
+    for needed in (RADAR, ACCELERATION):
+        if not streams.get(needed):
+            there = ", ".join(f"{len(v)} of {k}" for k, v in streams.items() if v) or "nothing"
+            raise UserError(
+                f"{name}: no {needed} sample at all; a drive needs radar and acceleration, "
+                f"this one has {there}"
+            )
+    return Drive(name, tuple(_merge(streams)), tuple(_oddities(streams)))
+
+
+def _merge(streams: dict[str, list[Sample]]) -> list[Sample]:
+    """All samples by stamp, within each stretch of time between jumps back of all inputs."""
+    epochs = _epochs(streams)
+    keyed = []
+    for name, stream in streams.items():
+        newest, epoch = 0, -1
+        for sample, own_epoch in zip(stream, epochs[name], strict=True):
+            # A stamp that goes back stays where it was recorded; the sampler judges it.
+            newest = sample.stamp if own_epoch != epoch else max(newest, sample.stamp)
+            epoch = own_epoch
+            keyed.append((epoch, newest, _PLAYING_ORDER[name], len(keyed), sample))
+    keyed.sort(key=lambda entry: entry[:4])
+    return [entry[4] for entry in keyed]
+
+
+def _epochs(streams: dict[str, list[Sample]]) -> dict[str, list[int]]:
+    """For each sample how often time has started again before it.
+
+    Time starts again where every input steps back by more than a second, as a looped recording does.
+    """
+    steps_back = {
+        name: [
+            i
+            for i in range(1, len(stream))
+            if stream[i].stamp < stream[i - 1].stamp - AHEAD_NS
+            and (i + 1 == len(stream) or stream[i + 1].stamp < stream[i - 1].stamp)
+        ]
+        for name, stream in streams.items()
+        if stream
+    }
+    loops = min(len(steps) for steps in steps_back.values())
+    epochs = {}
+    for name, stream in streams.items():
+        boundaries = set(steps_back.get(name, [])[:loops])
+        epoch, own = 0, []
+        for i in range(len(stream)):
+            epoch += i in boundaries
+            own.append(epoch)
+        epochs[name] = own
+    return epochs
+
+
+def _oddities(streams: dict[str, list[Sample]]) -> Iterable[str]:
+    """What is accepted, counted and warned of."""
+    for name, stream in streams.items():
+        bad = sum(not _finite(sample) for sample in stream)
+        if bad:
+            yield f"{bad} {name} samples are NaN or infinite and count as no sample"
+        steps = Counter(
+            "backward" if b.stamp < a.stamp else "repeated"
+            for a, b in zip(stream, stream[1:], strict=False)
+            if b.stamp <= a.stamp
+        )
+        for what, count in sorted(steps.items()):
+            yield f"{count} {name} stamps are {what}"
+        gaps = [b.stamp - a.stamp for a, b in zip(stream, stream[1:], strict=False)]
+        if gaps and max(gaps) > AHEAD_NS:
+            yield f"{name} is silent for up to {max(gaps) * 1e-9:.2f} s"
+
+
+def _finite(sample: Sample) -> bool:
+    if isinstance(sample, RadarSample):
+        return not sample.has_target or (
+            isfinite(sample.clearance) and isfinite(sample.relative_velocity)
+        )
+    return isfinite(sample.value)

@@ -1,0 +1,147 @@
+"""Drives as CSV files: one row per radar scan."""
+
+import csv
+from collections.abc import Iterator
+from math import isfinite, nan
+from pathlib import Path
+
+from lfd_mpc.errors import UserError
+from lfd_mpc.sampling import (
+    ACCELERATION,
+    HOST_SPEED,
+    RADAR,
+    UNKNOWN_TRACK,
+    RadarSample,
+    Sample,
+    ScalarSample,
+)
+
+COLUMNS = ("t_s", "range_m", "range_rate_mps", "host_speed_mps", "host_accel_mps2")
+"""Columns of a drive; units are in the names. `track_id` is optional."""
+
+RANGE, RANGE_RATE, SPEED, ACCEL = COLUMNS[1:]
+TRACK = "track_id"
+SCALARS = {SPEED: HOST_SPEED, ACCEL: ACCELERATION}
+
+
+class Table:
+    """One CSV file with named columns, checked while it is read."""
+
+    def __init__(self, path: Path, mapping: dict[str, str]) -> None:
+        """`mapping`: the file's own column for some of ours.
+
+        Raises UserError for a file that cannot be read or has no rows.
+        """
+        self.path = path
+        self._mapping = mapping
+        try:
+            text = path.read_text(encoding="utf-8-sig")
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or "not a text file"
+            raise UserError(f"{path}: cannot be read ({reason}); a CSV drive is expected") from error
+        if "\0" in text:
+            raise UserError(f"{path}: cannot be read (not a text file); a CSV drive is expected")
+        rows = list(csv.reader(text.splitlines()))
+        if len(rows) < 2:
+            raise UserError(f"{path}: is empty; a header and at least one row are expected")
+        self.header = [name.strip() for name in rows[0]]
+        self._rows = rows[1:]
+        if text and not text.endswith("\n") and len(self._rows[-1]) < len(self.header):
+            raise UserError(f"{path}: is cut off in its last row; a whole file is expected")
+
+    def has(self, column: str) -> bool:
+        """Whether the file has that column, under its own name or a mapped one."""
+        return self._mapping.get(column, column) in self.header
+
+    def column(self, column: str) -> Iterator[float | None]:
+        """Numbers of one column, None for a blank. Raises UserError for anything else."""
+        own = self._mapping.get(column, column)
+        if own not in self.header:
+            raise UserError(
+                f"{self.path}: column '{own}' is missing; there are: {', '.join(self.header)}"
+            )
+        position = self.header.index(own)
+        for line, row in enumerate(self._rows, start=2):
+            text = row[position].strip() if position < len(row) else ""
+            if not text:
+                yield None
+                continue
+            try:
+                yield float(text)
+            except ValueError:
+                raise UserError(
+                    f"{self.path}: line {line}, column '{own}': '{text}' is not a number"
+                ) from None
+
+    def stamps(self) -> list[int]:
+        """Stamps in ns. Raises UserError where time is missing, not finite or decreases."""
+        stamps: list[int] = []
+        for line, seconds in enumerate(self.column("t_s"), start=2):
+            if seconds is None or not isfinite(seconds):
+                raise UserError(f"{self.path}: line {line}: the time is missing or not finite")
+            stamp = round(seconds * 1e9)
+            if stamp < 0:
+                raise UserError(f"{self.path}: line {line}: the time {seconds} s is negative")
+            if stamps and stamp < stamps[-1]:
+                raise UserError(
+                    f"{self.path}: line {line}: time decreases from {stamps[-1] * 1e-9} s to "
+                    f"{seconds} s; it must not"
+                )
+            stamps.append(stamp)
+        return stamps
+
+
+def scalar_stream(table: Table, column: str, name: str) -> list[Sample]:
+    """The samples of one column; blank = no sample."""
+    return [
+        ScalarSample(name, stamp, value)
+        for stamp, value in zip(table.stamps(), table.column(column), strict=True)
+        if value is not None
+    ]
+
+
+def radar_stream(table: Table) -> list[Sample]:
+    """The radar's scans; a blank range = the radar sees no target."""
+    count = len(table.stamps())
+    tracks = table.column(TRACK) if table.has(TRACK) else iter([None] * count)
+    return [
+        RadarSample(
+            stamp=stamp,
+            has_target=clearance is not None,
+            clearance=nan if clearance is None else clearance,
+            relative_velocity=nan if clearance is None or velocity is None else velocity,
+            track_id=int(track) if track is not None and isfinite(track) else UNKNOWN_TRACK,
+        )
+        for stamp, clearance, velocity, track in zip(
+            table.stamps(), table.column(RANGE), table.column(RANGE_RATE), tracks, strict=True
+        )
+    ]
+
+
+def read_csv_streams(
+    path: Path, mapping: dict[str, str], replaced: frozenset[str] = frozenset()
+) -> dict[str, list[Sample]]:
+    """The streams of a drive in one file; columns in `replaced` are not read.
+
+    Raises UserError for a missing column, text that is no number or decreasing time.
+    """
+    table = Table(path, mapping)
+    for name in mapping:
+        if name not in (*COLUMNS, TRACK):
+            raise UserError(
+                f"--map {name}: no such column of a drive; there are: {', '.join((*COLUMNS, TRACK))}"
+            )
+    missing = [
+        mapping.get(column, column)
+        for column in COLUMNS
+        if column not in replaced and not table.has(column)
+    ]
+    if missing:
+        raise UserError(
+            f"{path}: column '{missing[0]}' is missing; there are: {', '.join(table.header)}"
+        )
+    streams = {RADAR: radar_stream(table)}
+    for column, name in SCALARS.items():
+        if column not in replaced:
+            streams[name] = scalar_stream(table, column, name)
+    return streams

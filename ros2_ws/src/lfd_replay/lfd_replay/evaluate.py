@@ -1,0 +1,148 @@
+"""evaluate: a drive through the whole algorithm offline, and the verdicts against the truth."""
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from lfd_mpc.errors import UserError
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from lfd_replay.drive import Drive
+from lfd_replay.errors import run_command
+from lfd_replay.faults import Fault, FaultInjector, parse_faults
+from lfd_replay.offline import GraphStep, OfflineGraph
+from lfd_replay.profiles import PROFILES, graph_settings
+from lfd_replay.read_drive import parse_mapping, read_drive
+from lfd_replay.report import write_report
+from lfd_replay.score import score, timeline
+
+
+def add_drive_options(parser: argparse.ArgumentParser) -> None:
+    """Options that every command on drives and faults has."""
+    parser.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="TEXT",
+        help="KIND:SIGNAL[=VALUE][,SIGNAL=VALUE...]@START-END in s of drive time; may be repeated",
+    )
+    parser.add_argument(
+        "--map",
+        action="append",
+        default=[],
+        metavar="NAME=COLUMN",
+        help="own column name of a CSV drive, such as range_m=dist; may be repeated",
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, help="seed of the noise fault (default: 0)"
+    )
+
+
+def warn(drive: Drive, faults: list[Fault]) -> None:
+    """Say on stderr what was accepted although it looks odd."""
+    for warning in drive.warnings:
+        print(f"warning: {drive.name}: {warning}", file=sys.stderr)
+    for fault in faults:
+        if fault.start * 1e-9 > drive.duration:
+            print(
+                f"warning: fault '{fault.text}' starts after the end of the drive "
+                f"({drive.duration:.1f} s)",
+                file=sys.stderr,
+            )
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(
+            "w", dir=path.parent, prefix=".writing-", delete=False
+        ) as file:
+            file.write(text)
+        Path(file.name).replace(path)
+        path.chmod(0o644)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written ({error.strerror})") from error
+
+
+def result_table(sensors: dict[str, dict], title: str) -> Table:
+    """The verdict per sensor as people read it."""
+    table = Table(title=title, title_justify="left")
+    for column in ("sensor", "injected", "found", "delay", "flagged", "false events", "ready"):
+        table.add_column(column)
+    for name, figures in sensors.items():
+        injected = ", ".join(f"{start:g}-{end:g} s" for start, end in figures["truth"])
+        found = sum(window["found"] for window in figures["windows"])
+        delay, flagged = figures["delay_s"], figures["flagged_fraction"]
+        table.add_row(
+            name,
+            injected or "-",
+            f"{found} of {len(figures['windows'])}" if injected else "-",
+            "-" if delay is None else f"{delay * 1000:.0f} ms",
+            "-" if flagged is None else f"{flagged:.1%}",
+            f"{figures['false_events']} ({figures['false_s']:.2f} s)",
+            f"{figures['ready_fraction']:.1%}",
+        )
+    return table
+
+
+def main_evaluate(arguments: list[str]) -> int:
+    """The command line of `evaluate`."""
+    parser = argparse.ArgumentParser(prog="evaluate", description=__doc__)
+    parser.add_argument("drive", type=Path, help="CSV file or bag")
+    add_drive_options(parser)
+    parser.add_argument(
+        "--profile", default=PROFILES[0], help=f"one of: {', '.join(PROFILES)} (default: %(default)s)"
+    )
+    parser.add_argument("--params", type=Path, metavar="FILE.yaml", help="ROS parameter file")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
+    parser.add_argument("--report", type=Path, metavar="FOLDER", help="write a page to look at there")
+    options = parser.parse_args(arguments)
+
+    faults = parse_faults(options.fault)
+    graph = OfflineGraph(graph_settings(options.profile, options.params))
+    started = time.perf_counter()
+    drive = read_drive(options.drive, parse_mapping(options.map))
+    warn(drive, faults)
+    injector = FaultInjector(faults, drive.zero, options.seed)
+    samples = injector.apply(drive.samples)
+    steps: list[GraphStep] = []
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("evaluating", total=len(samples))
+        for count, sample in enumerate(samples):
+            steps.extend(graph.push(sample))
+            if count % 500 == 0:
+                progress.update(task, completed=count)
+    elapsed = time.perf_counter() - started
+    sensors = score(timeline((step.outcome.report for step in steps), drive.zero), faults)
+    result = {
+        "drive": str(options.drive),
+        "profile": options.profile,
+        "faults": [fault.text for fault in faults],
+        "duration_s": round(drive.duration, 6),
+        "steps": len(steps),
+        "elapsed_s": round(elapsed, 6),
+        "realtime_factor": round(drive.duration / elapsed, 3),
+        "sensors": sensors,
+    }
+    if options.report:
+        write_report(options.report, drive, steps, faults, sensors)
+    if options.json:
+        write_text(options.json, json.dumps(result, indent=1, allow_nan=False) + "\n")
+    title = (
+        f"{drive.name}: {result['duration_s']:.1f} s, {len(steps)} steps in {elapsed:.1f} s "
+        f"({result['realtime_factor']:.0f} x real time), profile {options.profile}"
+    )
+    Console().print(result_table(sensors, title))
+    return 0
+
+
+def main() -> int:
+    """Entry point of `lfd_replay evaluate`."""
+    return run_command(main_evaluate)

@@ -1,0 +1,243 @@
+"""Faults: their text, and what they do to samples.
+
+The same injector serves the player and the offline evaluation: it sees samples in playing order
+and knows nothing of where they come from.
+"""
+
+import hashlib
+import re
+from bisect import bisect_right
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from math import isfinite, nan
+
+import numpy as np
+from lfd_mpc.errors import UserError
+from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
+
+SIGNALS = ("clearance", "relative_velocity", ACCELERATION, HOST_SPEED)
+RADAR_SIGNALS = SIGNALS[:2]
+
+WITH_VALUE = ("offset", "ramp", "gain", "noise", "delay", "spike")
+WITHOUT_VALUE = ("hold", "zero", "dropout")
+KINDS = (*WITH_VALUE, *WITHOUT_VALUE)
+
+GRAMMAR = "KIND:SIGNAL[=VALUE][,SIGNAL=VALUE...]@START-END"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One kind of fault on some signals from `start` (included) to `end` (not), in ns of drive time.
+
+    `values` maps each signal to its value in the unit of the kind, None for kinds without one.
+    """
+
+    kind: str
+    values: tuple[tuple[str, float | None], ...]
+    start: int
+    end: int
+    text: str
+    whole_radar: bool = False
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """The signals that the fault acts on."""
+        return tuple(name for name, _ in self.values)
+
+
+_TIME = r"(\d+(?:\.\d*)?|\.\d+)"
+_FAULT = re.compile(rf"\s*([a-z_]+):([^@]+)@{_TIME}-{_TIME}\s*")
+
+
+def parse_fault(text: str) -> Fault:
+    """Parse one fault text. Raises UserError that names what is wrong and what is accepted."""
+    match = _FAULT.fullmatch(text)
+    if match is None:
+        raise UserError(f"fault '{text}': expected {GRAMMAR}, times in seconds")
+    kind, assignments, start_text, end_text = match.groups()
+    if kind not in KINDS:
+        raise UserError(f"fault '{text}': unknown kind '{kind}'; kinds: {', '.join(KINDS)}")
+    start, end = float(start_text), float(end_text)
+    if not start < end:
+        raise UserError(f"fault '{text}': it must start before it ends")
+    values: dict[str, float | None] = {}
+    whole_radar = False
+    for part in assignments.split(","):
+        signal, equals, value_text = (piece.strip() for piece in part.partition("="))
+        if signal == RADAR and kind in WITHOUT_VALUE and not equals:
+            whole_radar = True
+            names: tuple[str, ...] = RADAR_SIGNALS
+        elif signal in SIGNALS:
+            names = (signal,)
+        else:
+            allowed = (*SIGNALS, RADAR) if kind in WITHOUT_VALUE else SIGNALS
+            raise UserError(
+                f"fault '{text}': unknown signal '{signal}'; {kind} takes: {', '.join(allowed)}"
+            )
+        for name in names:
+            if name in values:
+                raise UserError(f"fault '{text}': {name} is named twice")
+            values[name] = _value(text, kind, name, equals, value_text)
+    return Fault(
+        kind,
+        tuple(values.items()),
+        round(start * 1e9),
+        round(end * 1e9),
+        text.strip(),
+        whole_radar,
+    )
+
+
+def _value(text: str, kind: str, signal: str, equals: str, value_text: str) -> float | None:
+    if kind in WITHOUT_VALUE:
+        if equals:
+            raise UserError(f"fault '{text}': {kind} takes no value")
+        return None
+    try:
+        value = float(value_text)
+    except ValueError:
+        value = nan
+    if not isfinite(value):
+        raise UserError(
+            f"fault '{text}': {kind} needs a finite number, {signal}=VALUE; got '{value_text}'"
+        )
+    if kind in ("noise", "delay") and value < 0:
+        raise UserError(f"fault '{text}': the value of {kind} must not be negative, got {value:g}")
+    return value
+
+
+def parse_faults(texts: Iterable[str]) -> list[Fault]:
+    """Parse fault texts, each of which may hold several separated by semicolons."""
+    return [parse_fault(part) for text in texts for part in text.split(";") if part.strip()]
+
+
+class FaultInjector:
+    """Applies faults, in the order given, to samples in playing order."""
+
+    def __init__(self, faults: list[Fault], zero: int, seed: int) -> None:
+        """`zero`: the drive's time zero in ns; `seed`: of the noise."""
+        self._effects = [
+            _Effect(fault, signal, value, zero, seed)
+            for fault in faults
+            for signal, value in fault.values
+            if not _silences(fault, signal)
+        ]
+        self._silences = [
+            (signal if signal not in RADAR_SIGNALS else RADAR, zero + fault.start, zero + fault.end)
+            for fault in faults
+            for signal in fault.signals
+            if _silences(fault, signal)
+        ]
+
+    def __call__(self, sample: Sample) -> Sample | None:
+        """The sample as the faulty sensor gives it; None where it says nothing."""
+        if isinstance(sample, RadarSample):
+            values = {
+                "clearance": sample.clearance,
+                "relative_velocity": sample.relative_velocity,
+            }
+            for effect in self._effects:
+                # Without a lead there is nothing that could be measured wrongly.
+                if effect.signal in values and sample.has_target:
+                    values[effect.signal] = effect(sample.stamp, values[effect.signal])
+            changed: Sample = replace(sample, **values)
+        else:
+            value = sample.value
+            for effect in self._effects:
+                if effect.signal == sample.input:
+                    value = effect(sample.stamp, value)
+            changed = replace(sample, value=value)
+        for name, start, end in self._silences:
+            if name == sample.input and start <= sample.stamp < end:
+                return None
+        return changed
+
+    def apply(self, samples: Iterable[Sample]) -> list[Sample]:
+        """All samples of a drive, in order."""
+        changed = (self(sample) for sample in samples)
+        return [sample for sample in changed if sample is not None]
+
+
+def _silences(fault: Fault, signal: str) -> bool:
+    """Whether the fault keeps whole messages from coming."""
+    if fault.kind != "dropout":
+        return False
+    return fault.whole_radar or signal not in RADAR_SIGNALS
+
+
+class _Effect:
+    """One fault on one signal."""
+
+    def __init__(
+        self, fault: Fault, signal: str, value: float | None, zero: int, seed: int
+    ) -> None:
+        self.signal = signal
+        self._kind = fault.kind
+        self._value = 0.0 if value is None else value
+        self._start, self._end = zero + fault.start, zero + fault.end
+        self._seed = seed
+        self._before: float | None = None
+        self._spiked: int | None = None
+        self._stamps: list[int] = []
+        self._history: list[float] = []
+
+    def __call__(self, stamp: int, value: float) -> float:
+        if self._kind == "delay":
+            self._stamps.append(stamp)
+            self._history.append(value)
+        if not self._start <= stamp < self._end:
+            if stamp < self._start and isfinite(value):
+                self._before = value
+            return value
+        return getattr(self, f"_{self._kind}")(stamp, value)
+
+    def _offset(self, stamp: int, value: float) -> float:
+        return value + self._value
+
+    def _ramp(self, stamp: int, value: float) -> float:
+        return value + self._value * (stamp - self._start) * 1e-9
+
+    def _gain(self, stamp: int, value: float) -> float:
+        return value * self._value
+
+    def _noise(self, stamp: int, value: float) -> float:
+        digest = hashlib.sha256(f"{self._seed}/{self.signal}/{stamp}".encode()).digest()
+        generator = np.random.default_rng(int.from_bytes(digest[:8], "big"))
+        return value + self._value * float(generator.standard_normal())
+
+    def _hold(self, stamp: int, value: float) -> float:
+        return value if self._before is None else self._before
+
+    def _zero(self, stamp: int, value: float) -> float:
+        return 0.0
+
+    def _dropout(self, stamp: int, value: float) -> float:
+        return nan
+
+    def _delay(self, stamp: int, value: float) -> float:
+        earlier = bisect_right(self._stamps, stamp - round(self._value * 1e9)) - 1
+        return self._history[max(earlier, 0)]
+
+    def _spike(self, stamp: int, value: float) -> float:
+        second = (stamp - self._start) // 1_000_000_000
+        if second == self._spiked:
+            return value
+        self._spiked = second
+        return value + self._value
+
+
+def truth_windows(faults: list[Fault], signal: str) -> list[tuple[float, float]]:
+    """The injected windows of a signal in s of drive time, merged; `radar` is both of its signals."""
+    names = RADAR_SIGNALS if signal == RADAR else (signal,)
+    windows = sorted(
+        (fault.start * 1e-9, fault.end * 1e-9)
+        for fault in faults
+        if any(name in fault.signals for name in names)
+    )
+    merged: list[tuple[float, float]] = []
+    for start, end in windows:
+        if merged and start <= merged[-1][1]:
+            merged[-1] = merged[-1][0], max(merged[-1][1], end)
+        else:
+            merged.append((start, end))
+    return merged

@@ -1,0 +1,96 @@
+"""Profiles and parameter files: the settings of all three nodes."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+from lfd_diagnosis.settings import DiagnosisSettings
+from lfd_mpc.errors import UserError
+from lfd_mpc.settings import MpcSettings, Settings, settings_error
+from lfd_observer.settings import BankSettings
+from pydantic import ValidationError
+
+PROFILES = ("paper",)
+"""Names that `--profile` accepts; the first is the default. The paper profile is the defaults."""
+
+
+@dataclass(frozen=True)
+class GraphSettings:
+    """Settings of the whole graph."""
+
+    mpc: MpcSettings
+    bank: BankSettings
+    diagnosis: DiagnosisSettings
+
+
+NODES: dict[str, type[Settings]] = {
+    "mpc_node": MpcSettings,
+    "observer_node": BankSettings,
+    "diagnosis_node": DiagnosisSettings,
+}
+"""The settings of each node of the graph, by node name."""
+
+
+def graph_settings(profile: str, file: Path | None = None) -> GraphSettings:
+    """Settings of a profile, changed by a ROS parameter file.
+
+    Raises UserError for an unknown profile, an unreadable file, or a refused or unknown parameter.
+    """
+    if profile not in PROFILES:
+        raise UserError(f"--profile {profile}: unknown; there are: {', '.join(PROFILES)}")
+    values = {name: {} for name in NODES} if file is None else read_parameter_file(file)
+    built = {}
+    for name, kind in NODES.items():
+        try:
+            built[name] = kind(**values[name])
+        except ValidationError as error:
+            raise UserError(f"{file}: {name}: {settings_error(error)}") from error
+    return GraphSettings(*built.values())  # type: ignore[arg-type]
+
+
+def read_parameter_file(file: Path) -> dict[str, dict]:
+    """Parameters by node name; `/**` keys hold for every node that knows them."""
+    try:
+        content = yaml.safe_load(file.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        detail = " ".join(str(getattr(error, "strerror", None) or error).split())
+        raise UserError(f"{file}: cannot be read as a parameter file ({detail[:200]})") from error
+    if not isinstance(content, dict):
+        raise UserError(f"{file}: is no parameter file; node names with ros__parameters are expected")
+    values: dict[str, dict] = {name: {} for name in NODES}
+    for key, section in content.items():
+        node = str(key).rsplit("/", 1)[-1]
+        if not isinstance(section, dict) or not isinstance(section.get("ros__parameters"), dict):
+            raise UserError(f"{file}: '{key}' has no ros__parameters")
+        parameters = section["ros__parameters"]
+        if node == "**":
+            for name, value in parameters.items():
+                owners = [n for n, kind in NODES.items() if name in kind.model_fields]
+                if not owners and name != "use_sim_time":
+                    raise UserError(f"{file}: unknown parameter '{name}'")
+                for owner in owners:
+                    values[owner][name] = value
+        elif node in values:
+            own = {k: v for k, v in parameters.items() if k != "use_sim_time"}
+            values[node].update(own)
+    return values
+
+
+def parameter_file_text(profile: str) -> str:
+    """A ROS parameter file with every parameter of a profile, its unit, meaning and source."""
+    lines = [
+        f"# Parameters of the {profile} profile. Made by `make parameters` from the settings models,",
+        "# where each one is described once; a test holds them to be the same.",
+    ]
+    for node, kind in NODES.items():
+        lines += ["", f"/**/{node}:", "  ros__parameters:"]
+        for name, field in kind.model_fields.items():
+            extra = field.json_schema_extra
+            assert isinstance(extra, dict)
+            value = field.default
+            if isinstance(value, tuple):
+                value = list(value)
+            text = yaml.safe_dump(value, default_flow_style=True).replace("\n...", "").strip()
+            lines.append(f"    # {field.description} [{extra['unit']}]; {extra['source']}")
+            lines.append(f"    {name}: {text}")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,22 @@
+from setuptools import setup
+
+EXECUTABLES = ("bag_player", "evaluate", "import_drive", "make_drive")
+
+setup(
+    name="lfd_replay",
+    version="0.1.0",
+    packages=["lfd_replay"],
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/lfd_replay"]),
+        ("share/lfd_replay", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    maintainer="The lfd developers",
+    maintainer_email="lfd@example.com",
+    description="Drives in and out: bag player, importers, fault injection, generated drives, offline evaluation and reports.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [f"{name} = lfd_replay.{name}:main" for name in EXECUTABLES]
+    },
+)
