@@ -1,6 +1,9 @@
 """mpc_node: radar, acceleration and host speed in; prediction horizon and command out."""
 
+import heapq
 import sys
+from functools import partial
+from typing import Any
 
 from geometry_msgs.msg import AccelStamped, TwistStamped
 from lfd_msgs.msg import PredictionHorizon, RadarTarget
@@ -21,11 +24,37 @@ from lfd_mpc.node_support import (
     declare_settings,
     run_node,
 )
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, Sample, ScalarSample
+from lfd_mpc.sampling import (
+    ACCELERATION,
+    HOST_SPEED,
+    RADAR,
+    Sample,
+    ScalarSample,
+    playing_order,
+)
 from lfd_mpc.settings import MpcSettings
 
 SENSOR_QOS = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Best effort hears every kind of sensor driver; deep, since a late step needs its samples."""
+
+
+
+
+def _acceleration(message: Imu) -> Sample:
+    stamp = from_time(message.header.stamp)
+    return ScalarSample(ACCELERATION, stamp, message.linear_acceleration.x)
+
+
+def _host_speed(message: TwistStamped) -> Sample:
+    return ScalarSample(HOST_SPEED, from_time(message.header.stamp), message.twist.linear.x)
+
+
+INPUT_TOPICS = {
+    RADAR: (RadarTarget, "radar/target", radar_sample),
+    HOST_SPEED: (TwistStamped, "vehicle/twist", _host_speed),
+    ACCELERATION: (Imu, "vehicle/imu", _acceleration),
+}
+"""Type, relative topic and conversion of each input."""
 
 
 class MpcNode(Node):
@@ -41,38 +70,34 @@ class MpcNode(Node):
             raise UserError(f"mpc_node: {error}") from error
         self._horizon = self.create_publisher(PredictionHorizon, "mpc/horizon", PIPELINE_QOS)
         self._command = self.create_publisher(AccelStamped, "mpc/command", PIPELINE_QOS)
-        self._others: list[tuple[Subscription, object]] = []
-        self._listen(RadarTarget, "radar/target", self._on_radar)
-        self._listen(TwistStamped, "vehicle/twist", self._on_twist)
-        self._listen(Imu, "vehicle/imu", self._on_imu)
+        self._inputs = {
+            input_name: self.create_subscription(
+                kind,
+                topic,
+                partial(self._on_sample, input_name),
+                SENSOR_QOS,
+                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            )
+            for input_name, (kind, topic, _) in INPUT_TOPICS.items()
+        }
         self.create_subscription(Clock, "/clock", self._on_clock, qos_profile_sensor_data)
         ReadyAnnouncer(self, ["radar/target", "vehicle/imu"])
 
-    def _listen(self, kind, topic, callback) -> None:
-        subscription = self.create_subscription(
-            kind,
-            topic,
-            callback,
-            SENSOR_QOS,
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-        )
-        if kind is not Imu:
-            self._others.append((subscription, callback))
+    def _on_sample(self, input_name: str, message: Any) -> None:
+        self._push_waiting({input_name: [INPUT_TOPICS[input_name][2](message)]})
 
-    def _on_radar(self, message: RadarTarget) -> None:
-        self._push(radar_sample(message))
+    def _push_waiting(self, queues: dict[str, list[Sample]]) -> None:
+        """Push what was taken from the queues and what still waits in them, by stamp.
 
-    def _on_twist(self, message: TwistStamped) -> None:
-        stamp = from_time(message.header.stamp)
-        self._push(ScalarSample(HOST_SPEED, stamp, message.twist.linear.x))
-
-    def _on_imu(self, message: Imu) -> None:
-        # DDS keeps no order between topics: what waits in the other queues goes first.
-        for subscription, callback in self._others:
-            while (taken := self._take(subscription)) is not None:
-                callback(taken)
-        stamp = from_time(message.header.stamp)
-        self._push(ScalarSample(ACCELERATION, stamp, message.linear_acceleration.x))
+        DDS keeps no order between topics, so no step is released before the queues are empty.
+        """
+        for input_name, subscription in self._inputs.items():
+            convert = INPUT_TOPICS[input_name][2]
+            queue = queues.setdefault(input_name, [])
+            while (message := self._take(subscription)) is not None:
+                queue.append(convert(message))
+        for sample in heapq.merge(*queues.values(), key=playing_order):
+            self._publish(self._core.push(sample))
 
     @staticmethod
     def _take(subscription: Subscription):
@@ -81,10 +106,8 @@ class MpcNode(Node):
         return None if taken is None else taken[0]
 
     def _on_clock(self, message: Clock) -> None:
+        self._push_waiting({})
         self._publish(self._core.clock(from_time(message.clock)))
-
-    def _push(self, sample: Sample) -> None:
-        self._publish(self._core.push(sample))
 
     def _publish(self, horizons: list[Horizon]) -> None:
         for horizon in horizons:

@@ -66,6 +66,11 @@ class ScalarSample:
 Sample = RadarSample | ScalarSample
 
 
+def playing_order(sample: Sample) -> tuple[int, bool]:
+    """Sort key: by stamp, and at equal stamps the acceleration last, since it releases the step."""
+    return sample.stamp, sample.input == ACCELERATION
+
+
 @dataclass(frozen=True)
 class Reading:
     """A signal at a step: newest sample `measured`, its `age` in s (both NaN = none), `stale`."""

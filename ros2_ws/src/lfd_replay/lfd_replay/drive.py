@@ -6,12 +6,7 @@ from dataclasses import dataclass, field
 from math import isfinite
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import ACCELERATION, AHEAD_NS, INPUTS, RADAR, RadarSample, Sample
-
-_PLAYING_ORDER = {name: position for position, name in enumerate(INPUTS)}
-_PLAYING_ORDER[ACCELERATION] = len(INPUTS)
-"""At equal stamps the acceleration sample comes last: it releases the step."""
-
+from lfd_mpc.sampling import ACCELERATION, AHEAD_NS, RADAR, RadarSample, Sample
 
 @dataclass(frozen=True)
 class Drive:
@@ -61,7 +56,7 @@ def _merge(streams: dict[str, list[Sample]]) -> list[Sample]:
             # A stamp that goes back stays where it was recorded; the sampler judges it.
             newest = sample.stamp if own_epoch != epoch else max(newest, sample.stamp)
             epoch = own_epoch
-            keyed.append((epoch, newest, _PLAYING_ORDER[name], len(keyed), sample))
+            keyed.append((epoch, newest, name == ACCELERATION, len(keyed), sample))
     keyed.sort(key=lambda entry: entry[:4])
     return [entry[4] for entry in keyed]
 

@@ -63,7 +63,7 @@ def score_sensor(line: Timeline, name: str, truth: list[Interval]) -> dict:
         first = next((begin for begin, _ in flagged if start <= begin < end), None)
         windows.append(
             {
-                "start": start,
+                "start": _round(start),
                 "found": first is not None,
                 "delay_s": None if first is None else _round(first - start),
                 "fraction": _round(sum(inside) / len(inside)) if inside else None,
@@ -82,7 +82,7 @@ def score_sensor(line: Timeline, name: str, truth: list[Interval]) -> dict:
     ]
     delays = [w["delay_s"] for w in windows if w["found"]]
     return {
-        "truth": [list(window) for window in truth],
+        "truth": [[_round(start), _round(end)] for start, end in truth],
         "flagged": [[_round(begin), _round(finish)] for begin, finish in flagged],
         "detected": all(w["found"] for w in windows) if windows else None,
         "delay_s": median(delays) if delays else None,

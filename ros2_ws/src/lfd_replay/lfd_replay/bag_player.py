@@ -1,0 +1,123 @@
+"""bag_player: plays a drive into the node graph, with faults if wanted."""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import rclpy
+from lfd_mpc.errors import UserError
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.utilities import remove_ros_args
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+
+from lfd_replay.errors import run_command
+from lfd_replay.evaluate import add_drive_options, warn
+from lfd_replay.faults import parse_faults
+from lfd_replay.player import (
+    GRAPH_NODES,
+    LockstepError,
+    PlayerNode,
+    PlayOptions,
+    samples_to_play,
+)
+from lfd_replay.read_drive import parse_mapping, read_drive
+
+
+def add_play_options(parser: argparse.ArgumentParser) -> None:
+    """Options of playing."""
+    parser.add_argument(
+        "--rate", type=float, default=1.0, help="x real time; 0 = lockstep (default: 1)"
+    )
+    parser.add_argument(
+        "--start", type=float, default=0.0, metavar="S", help="begin at this s of drive time"
+    )
+    parser.add_argument(
+        "--duration", type=float, default=float("inf"), metavar="S", help="play so many s"
+    )
+
+
+def play_options(options: argparse.Namespace, loop: bool = False) -> PlayOptions:
+    """Options of playing from a parsed command line."""
+    return PlayOptions(options.rate, options.start, options.duration, loop, options.seed)
+
+
+def play(player: PlayerNode, executor: Executor, total: float, console: Console) -> None:
+    """Spin until the drive is played, with a progress line where there is a terminal.
+
+    Raises UserError when nodes do not become ready, LockstepError when a step fails.
+    """
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.1f} / {task.total:.1f} s"),
+        TextColumn("{task.fields[speed]:.1f} x"),
+    )
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as progress:
+        task = progress.add_task("replay", total=total, speed=0.0)
+        started, shown = None, 0.0
+        while not player.done:
+            pause = player.pump()
+            executor.spin_once(timeout_sec=max(pause, 0.0))
+            now = time.monotonic()
+            if started is None and player.played:
+                started = now
+            if started is not None and now - shown > 0.2:
+                shown = now
+                speed = player.played / max(now - started, 1e-9)
+                progress.update(task, completed=player.played, speed=speed)
+
+
+def main_play(arguments: list[str]) -> int:
+    """The command line of `bag_player`."""
+    parser = argparse.ArgumentParser(prog="bag_player", description=__doc__)
+    parser.add_argument("drive", type=Path, help="MCAP, sqlite3 or ROS 1 bag, or CSV file")
+    add_play_options(parser)
+    parser.add_argument("--loop", action="store_true", help="begin again at the end")
+    parser.add_argument(
+        "--wait-for",
+        nargs="*",
+        metavar="NODE",
+        help="nodes that must be ready first (default: none; in lockstep the whole graph)",
+    )
+    add_drive_options(parser)
+    options = parser.parse_args(remove_ros_args(["bag_player", *arguments])[1:])
+
+    playing = play_options(options, options.loop)
+    faults = parse_faults(options.fault)
+    drive = read_drive(options.drive, parse_mapping(options.map))
+    playing.check(drive)
+    warn(drive, faults)
+    samples = samples_to_play(drive, faults, playing)
+    if not samples:
+        raise UserError(f"{options.drive}: no sample between --start and --start + --duration")
+    wait_for = options.wait_for
+    if wait_for is None:
+        wait_for = list(GRAPH_NODES) if playing.rate == 0.0 else []
+
+    rclpy.init(args=arguments)
+    try:
+        player = PlayerNode(samples, playing, wait_for)
+        executor = SingleThreadedExecutor()
+        executor.add_node(player)
+        total = (samples[-1].stamp - samples[0].stamp) * 1e-9
+        started = time.monotonic()
+        play(player, executor, total, Console(stderr=True))
+        wall = time.monotonic() - started
+        print(f"played {total:.1f} s of {drive.name} in {wall:.1f} s")
+    except LockstepError as error:
+        print(error, file=sys.stderr)
+        return 1
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return 0
+    finally:
+        rclpy.try_shutdown()
+    return 0
+
+
+def main() -> int:
+    """Entry point of `lfd_replay bag_player`."""
+    return run_command(main_play)

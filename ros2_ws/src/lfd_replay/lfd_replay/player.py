@@ -1,0 +1,337 @@
+"""The player node: a drive's samples become messages, at a rate or step by step."""
+
+import struct
+import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, isnan
+
+from geometry_msgs.msg import TwistStamped
+from lfd_mpc.errors import UserError
+from lfd_mpc.horizon import Horizon
+from lfd_mpc.messages import from_message, to_time
+from lfd_mpc.node_support import PIPELINE_QOS, READY_QOS, READY_TOPIC
+from lfd_mpc.sampling import RADAR, Reading, Sample, Sampler, StepInputs
+from lfd_mpc.settings import STEP_NS
+from lfd_msgs.msg import (
+    FaultReport,
+    ObserverBank,
+    PredictionHorizon,
+    RadarTarget,
+    ReconstructedState,
+)
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.qos import ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Imu
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from lfd_replay.drive import Drive
+from lfd_replay.faults import Fault, FaultInjector
+
+GRAPH_NODES = ("mpc_node", "observer_node", "diagnosis_node")
+
+ANSWERS = {
+    "observer/bank": ObserverBank,
+    "diagnosis/faults": FaultReport,
+    "diagnosis/reconstructed": ReconstructedState,
+}
+"""What lockstep waits for at each step, beside the horizon itself."""
+
+STEP_DEADLINE = 10.0
+"""Seconds of wall time that the graph has to answer a step in lockstep."""
+
+READY_DEADLINE = 30.0
+"""Seconds of wall time that the nodes have to become ready."""
+
+HEARTBEAT = 0.1
+"""Seconds between repeated /clock messages while nothing moves: a pause is no silence."""
+
+
+class LockstepError(Exception):
+    """The graph did not answer a step, or answered another one."""
+
+
+@dataclass(frozen=True)
+class PlayOptions:
+    """`rate` x real time, 0 = lockstep; `start` and `duration` in s of drive time."""
+
+    rate: float = 1.0
+    start: float = 0.0
+    duration: float = inf
+    loop: bool = False
+    seed: int = 0
+
+    def check(self, drive: Drive) -> None:
+        """Raises UserError for options that cannot be played."""
+        if not 0.0 <= self.rate < inf:
+            raise UserError(f"--rate {self.rate:g}: a number of 0 or more is expected; 0 = lockstep")
+        if not 0.0 <= self.start <= drive.duration:
+            raise UserError(
+                f"--start {self.start:g}: the drive goes from 0 to {drive.duration:.1f} s"
+            )
+        if not self.duration > 0.0:
+            raise UserError(f"--duration {self.duration:g}: a positive number of s is expected")
+
+
+def samples_to_play(drive: Drive, faults: list[Fault], options: PlayOptions) -> list[Sample]:
+    """The drive's samples with faults applied, cut to the stretch that is played."""
+    zero = drive.zero
+    begin = zero + round(options.start * 1e9)
+    end = inf if options.duration == inf else begin + round(options.duration * 1e9)
+    faulty = FaultInjector(faults, zero, options.seed).apply(drive.samples)
+    return [sample for sample in faulty if begin <= sample.stamp < end]
+
+
+class PlayerNode(Node):
+    """Publishes samples and /clock. Call `pump` whenever `next_due` has passed."""
+
+    def __init__(
+        self,
+        samples: Sequence[Sample],
+        options: PlayOptions,
+        wait_for: Sequence[str],
+        context: Context | None = None,
+    ) -> None:
+        """`wait_for`: names of nodes that must have said that they are ready."""
+        super().__init__("bag_player", context=context)
+        self._samples = samples
+        self._options = options
+        self._position = 0
+        self._missing = set(wait_for)
+        self._created = time.monotonic()
+        self._started: float | None = None
+        self._paused = False
+        self._last_clock = -STEP_NS
+        self._last_beat = 0.0
+        self._clock_wall = 0.0
+        self._sampler = Sampler()
+        self._expected: deque[StepInputs] = deque()
+        self._awaited: dict[str, set[int]] = {topic: set() for topic in ANSWERS}
+        self._deadline = inf
+        self.error: LockstepError | None = None
+        self._clock = self.create_publisher(Clock, "/clock", 10)
+        self._twist = self.create_publisher(TwistStamped, "vehicle/twist", PIPELINE_QOS)
+        self._radar = self.create_publisher(RadarTarget, "radar/target", PIPELINE_QOS)
+        self._imu = self.create_publisher(Imu, "vehicle/imu", PIPELINE_QOS)
+        self.create_subscription(String, READY_TOPIC, self._on_ready, READY_QOS)
+        self.create_service(Trigger, "~/pause", self._on_pause)
+        self.create_service(Trigger, "~/resume", self._on_resume)
+        if self.lockstep:
+            self.create_subscription(
+                PredictionHorizon, "mpc/horizon", self._on_horizon, PIPELINE_QOS
+            )
+            for topic, kind in ANSWERS.items():
+                self.create_subscription(
+                    kind,
+                    topic,
+                    lambda raw, topic=topic: self._on_answer(topic, raw),
+                    PIPELINE_QOS,
+                    raw=True,
+                )
+
+    @property
+    def lockstep(self) -> bool:
+        """Whether each step waits for the graph's answers."""
+        return self._options.rate == 0.0
+
+    @property
+    def waiting_for(self) -> list[str]:
+        """Nodes that have not said that they are ready."""
+        return sorted(self._missing)
+
+    @property
+    def done(self) -> bool:
+        """Whether everything is played (and, in lockstep, answered)."""
+        return self._position >= len(self._samples) and not self._waiting
+
+    @property
+    def played(self) -> float:
+        """Drive time played since the first sample, in s."""
+        if not self._position:
+            return 0.0
+        return (self._samples[self._position - 1].stamp - self._samples[0].stamp) * 1e-9
+
+    @property
+    def _waiting(self) -> bool:
+        return bool(self._expected) or any(self._awaited.values())
+
+    def pump(self) -> float:
+        """Publish what is due; returns the s of wall time until the next call is due.
+
+        Raises UserError when the nodes do not become ready, LockstepError when a step fails.
+        """
+        if self.error is not None:
+            raise self.error
+        now = time.monotonic()
+        if self._missing:
+            if now - self._created > READY_DEADLINE:
+                raise UserError(
+                    f"waited {READY_DEADLINE:.0f} s for {', '.join(self.waiting_for)} to be ready: "
+                    "are they running, in the same ROS_DOMAIN_ID?"
+                )
+            return HEARTBEAT
+        if self._started is None:
+            if self.lockstep:
+                self._check_reliable()
+            self._started = now
+            self._clock_wall = now
+        if self._paused:
+            self._beat(now)
+            return HEARTBEAT
+        return self._pump_lockstep(now) if self.lockstep else self._pump_free(now)
+
+    def _pump_free(self, now: float) -> float:
+        first = self._samples[0].stamp
+        elapsed = (now - self._clock_wall) * self._options.rate
+        limit = first + round(elapsed * 1e9)
+        while self._position < len(self._samples):
+            sample = self._samples[self._position]
+            if sample.stamp > limit:
+                self._tick(limit)
+                self._beat(now)
+                until_tick = self._last_clock + STEP_NS - limit
+                due = min(sample.stamp - limit, max(until_tick, 0))
+                return min(due * 1e-9 / self._options.rate, HEARTBEAT)
+            self._tick(sample.stamp)
+            self._send(sample)
+        if self._options.loop:
+            self._rewind(now)
+        return 0.0
+
+    def _pump_lockstep(self, now: float) -> float:
+        if self._waiting:
+            if now > self._deadline:
+                raise LockstepError(self._overdue())
+            return HEARTBEAT
+        while self._position < len(self._samples) and not self._waiting:
+            sample = self._samples[self._position]
+            steps = self._sampler.push(sample)
+            self._expected.extend(steps)
+            for awaited in self._awaited.values():
+                awaited.update(step.stamp for step in steps)
+            self._tick(sample.stamp)
+            self._send(sample)
+        self._deadline = now + STEP_DEADLINE
+        if self._position >= len(self._samples) and self._options.loop and not self._waiting:
+            self._rewind(now)
+        return HEARTBEAT
+
+    def _rewind(self, now: float) -> None:
+        self._position, self._clock_wall, self._last_clock = 0, now, -STEP_NS
+
+    def _send(self, sample: Sample) -> None:
+        self._position += 1
+        stamp = to_time(sample.stamp)
+        if sample.input == RADAR:
+            message = RadarTarget(
+                track_id=sample.track_id,
+                has_target=sample.has_target,
+                clearance=sample.clearance,
+                relative_velocity=sample.relative_velocity,
+            )
+            message.header.stamp = stamp
+            self._radar.publish(message)
+        elif sample.input == "acceleration":
+            imu = Imu()
+            imu.header.stamp = stamp
+            imu.linear_acceleration.x = sample.value
+            # Only the acceleration is known.
+            imu.orientation_covariance[0] = imu.angular_velocity_covariance[0] = -1.0
+            self._imu.publish(imu)
+        else:
+            twist = TwistStamped()
+            twist.header.stamp = stamp
+            twist.twist.linear.x = sample.value
+            self._twist.publish(twist)
+
+    def _tick(self, stamp: int) -> None:
+        """Move /clock on, at most once per 10 ms."""
+        if stamp - self._last_clock >= STEP_NS or stamp < self._last_clock - STEP_NS:
+            self._last_clock = stamp
+            self._last_beat = time.monotonic()
+            self._clock.publish(Clock(clock=to_time(max(stamp, 0))))
+
+    def _beat(self, now: float) -> None:
+        if now - self._last_beat >= HEARTBEAT and self._last_clock >= 0:
+            self._last_beat = now
+            self._clock.publish(Clock(clock=to_time(self._last_clock)))
+
+    def _on_ready(self, message: String) -> None:
+        self._missing.discard(message.data.rsplit("/", 1)[-1])
+
+    def _check_reliable(self) -> None:
+        """Lockstep must not lose a sample. Raises UserError where one could be lost."""
+        for publisher in (self._radar, self._imu, self._twist):
+            topic = publisher.topic_name
+            for info in self.get_subscriptions_info_by_topic(topic):
+                best_effort = info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+                if info.node_name == "mpc_node" and best_effort:
+                    raise UserError(
+                        f"lockstep needs a reliable subscription to {topic}: start mpc_node with "
+                        "the parameter file lockstep.yaml of lfd_bringup"
+                    )
+
+    def _on_horizon(self, message: PredictionHorizon) -> None:
+        if not self._expected:
+            self._fail(f"an unexpected step at {message.header.stamp.sec} s")
+            return
+        expected = self._expected.popleft()
+        difference = horizon_difference(expected, from_message(Horizon, message))
+        if difference:
+            self._fail(f"step at {expected.stamp * 1e-9:.2f} s: {difference}")
+
+    def _on_answer(self, topic: str, raw: bytes) -> None:
+        # The header's stamp follows the four bytes of the CDR encapsulation.
+        seconds, nanoseconds = struct.unpack_from("<iI", raw, 4)
+        self._awaited[topic].discard(seconds * 1_000_000_000 + nanoseconds)
+
+    def _fail(self, text: str) -> None:
+        self.error = self.error or LockstepError(f"lockstep: {text}")
+
+    def _overdue(self) -> str:
+        topics = [topic for topic, stamps in self._awaited.items() if stamps]
+        stamps = [s.stamp for s in self._expected] + [
+            s for awaited in self._awaited.values() for s in awaited
+        ]
+        if self._expected:
+            topics.insert(0, "mpc/horizon")
+        return (
+            f"lockstep: step at {min(stamps) * 1e-9:.2f} s was not answered within "
+            f"{STEP_DEADLINE:.0f} s on {', '.join(topics)}"
+        )
+
+    def _on_pause(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = not self._paused
+        response.message = "paused" if response.success else "is paused already"
+        if response.success:
+            self._paused, self._pause_wall = True, time.monotonic()
+        return response
+
+    def _on_resume(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self._paused
+        response.message = "resumed" if response.success else "is not paused"
+        if response.success:
+            self._paused = False
+            paused = time.monotonic() - self._pause_wall
+            self._clock_wall += paused
+            self._deadline += paused
+        return response
+
+
+def horizon_difference(expected: StepInputs, horizon: Horizon) -> str:
+    """What the controller used other than the samples that it was sent; empty = nothing."""
+    if horizon.stamp != expected.stamp:
+        return f"the controller answered for {horizon.stamp * 1e-9:.2f} s"
+    for name in ("clearance", "relative_velocity", "acceleration", "host_speed"):
+        reading: Reading = getattr(expected, name)
+        got = getattr(horizon, f"measured_{name}"), getattr(horizon, f"{name}_age")
+        for what, want, have in zip(
+            ("value", "age"), (reading.measured, reading.age), got, strict=True
+        ):
+            if want != have and not (isnan(want) and isnan(have)):
+                return f"{name} {what} should be {want!r}, the controller used {have!r}"
+    return ""
