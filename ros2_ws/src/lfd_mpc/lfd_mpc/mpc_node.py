@@ -7,17 +7,19 @@ from typing import Any
 
 from geometry_msgs.msg import AccelStamped, TwistStamped
 from lfd_msgs.msg import PredictionHorizon, RadarTarget
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu
+from std_msgs.msg import Header
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.horizon import Horizon, Mpc
-from lfd_mpc.messages import from_time, radar_sample, to_message
+from lfd_mpc.messages import from_time, radar_sample, to_message, to_time
 from lfd_mpc.node_support import (
     PIPELINE_QOS,
     ReadyAnnouncer,
@@ -49,6 +51,13 @@ def _host_speed(message: TwistStamped) -> Sample:
     return ScalarSample(HOST_SPEED, from_time(message.header.stamp), message.twist.linear.x)
 
 
+RECEIPTS_TOPIC = "mpc/received"
+RECEIPTS_QOS = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+RECEIPTS_PARAMETER = ParameterDescriptor(
+    description="publish the stamp of every sample received on mpc/received, for lockstep players",
+    read_only=True,
+)
+
 INPUT_TOPICS = {
     RADAR: (RadarTarget, "radar/target", radar_sample),
     HOST_SPEED: (TwistStamped, "vehicle/twist", _host_speed),
@@ -63,6 +72,7 @@ class MpcNode(Node):
     def __init__(self, context: Context | None = None, **node_options) -> None:
         """Raises UserError for parameters that cannot work."""
         super().__init__("mpc_node", context=context, **node_options)
+        receipts = self.declare_parameter("receipts", False, RECEIPTS_PARAMETER).value
         settings = declare_settings(self, MpcSettings)
         try:
             self._core = Mpc(settings)
@@ -70,6 +80,9 @@ class MpcNode(Node):
             raise UserError(f"mpc_node: {error}") from error
         self._horizon = self.create_publisher(PredictionHorizon, "mpc/horizon", PIPELINE_QOS)
         self._command = self.create_publisher(AccelStamped, "mpc/command", PIPELINE_QOS)
+        self._receipts = (
+            self.create_publisher(Header, RECEIPTS_TOPIC, RECEIPTS_QOS) if receipts else None
+        )
         self._inputs = {
             input_name: self.create_subscription(
                 kind,
@@ -97,6 +110,9 @@ class MpcNode(Node):
             while (message := self._take(subscription)) is not None:
                 queue.append(convert(message))
         for sample in heapq.merge(*queues.values(), key=playing_order):
+            if self._receipts is not None:
+                receipt = Header(stamp=to_time(sample.stamp), frame_id=sample.input)
+                self._receipts.publish(receipt)
             self._publish(self._core.push(sample))
 
     @staticmethod

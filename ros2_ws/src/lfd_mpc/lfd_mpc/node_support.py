@@ -71,7 +71,7 @@ def _bounds(metadata: list) -> tuple[float | None, float | None]:
 
 def _refuse_unknown(node: Node) -> None:
     """A parameter that no one declared is a typing mistake: ROS itself would ignore it."""
-    known = set(node.list_parameters([], 0).result.names)
+    known = set(node.list_parameters([], 0).names)
     own = {"use_sim_time", "start_type_description_service"}
     for name in node._parameter_overrides:
         if name not in known and name not in own and not name.startswith("qos_overrides"):

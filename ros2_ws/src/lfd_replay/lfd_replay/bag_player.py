@@ -43,7 +43,7 @@ def play_options(options: argparse.Namespace, loop: bool = False) -> PlayOptions
     return PlayOptions(options.rate, options.start, options.duration, loop, options.seed)
 
 
-def play(player: PlayerNode, executor: Executor, total: float, console: Console) -> None:
+def play(player: PlayerNode, executor: Executor, console: Console) -> None:
     """Spin until the drive is played, with a progress line where there is a terminal.
 
     Raises UserError when nodes do not become ready, LockstepError when a step fails.
@@ -57,7 +57,7 @@ def play(player: PlayerNode, executor: Executor, total: float, console: Console)
     with Progress(
         *columns, console=console, transient=True, disable=not console.is_terminal
     ) as progress:
-        task = progress.add_task("replay", total=total, speed=0.0)
+        task = progress.add_task("replay", total=player.total, speed=0.0)
         started, shown = None, 0.0
         while not player.done:
             pause = player.pump()
@@ -103,11 +103,10 @@ def main_play(arguments: list[str]) -> int:
         player = PlayerNode(samples, playing, wait_for)
         executor = SingleThreadedExecutor()
         executor.add_node(player)
-        total = (samples[-1].stamp - samples[0].stamp) * 1e-9
         started = time.monotonic()
-        play(player, executor, total, Console(stderr=True))
+        play(player, executor, Console(stderr=True))
         wall = time.monotonic() - started
-        print(f"played {total:.1f} s of {drive.name} in {wall:.1f} s")
+        print(f"played {player.total:.1f} s of {drive.name} in {wall:.1f} s")
     except LockstepError as error:
         print(error, file=sys.stderr)
         return 1

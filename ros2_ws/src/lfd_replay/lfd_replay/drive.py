@@ -52,13 +52,42 @@ def _merge(streams: dict[str, list[Sample]]) -> list[Sample]:
     keyed = []
     for name, stream in streams.items():
         newest, epoch = 0, -1
-        for sample, own_epoch in zip(stream, epochs[name], strict=True):
-            # A stamp that goes back stays where it was recorded; the sampler judges it.
-            newest = sample.stamp if own_epoch != epoch else max(newest, sample.stamp)
-            epoch = own_epoch
+        for i, (sample, own_epoch) in enumerate(zip(stream, epochs[name], strict=True)):
+            # A stamp that does not fit stays where it was recorded; the sampler judges it.
+            if own_epoch != epoch:
+                newest, epoch = sample.stamp, own_epoch
+            elif not _skips_ahead(sample.stamp, newest, stream[i + 1 : i + 2]):
+                newest = max(newest, sample.stamp)
             keyed.append((epoch, newest, name == ACCELERATION, len(keyed), sample))
     keyed.sort(key=lambda entry: entry[:4])
     return [entry[4] for entry in keyed]
+
+
+def _skips_ahead(stamp: int, newest: int, following: Sequence[Sample]) -> bool:
+    """Whether one stamp alone lies far ahead of its neighbours."""
+    return stamp > newest + AHEAD_NS and any(s.stamp < stamp - AHEAD_NS for s in following)
+
+
+def playing_times(samples: Sequence[Sample]) -> list[int]:
+    """When each sample of a drive is played, in ns since the first one; never decreasing.
+
+    Where time starts again the new stretch follows at once; single wrong stamps do not count.
+    """
+    times: list[int] = []
+    newest = samples[0].stamp if samples else 0
+    elapsed = 0
+    for i, sample in enumerate(samples):
+        following = samples[i + 1 : i + 2]
+        starts_again = sample.stamp < newest - AHEAD_NS and all(
+            s.stamp < newest - AHEAD_NS for s in following
+        )
+        if starts_again:
+            newest = sample.stamp
+        elif sample.stamp > newest and not _skips_ahead(sample.stamp, newest, following):
+            elapsed += sample.stamp - newest
+            newest = sample.stamp
+        times.append(elapsed)
+    return times
 
 
 def _epochs(streams: dict[str, list[Sample]]) -> dict[str, list[int]]:

@@ -18,7 +18,7 @@ from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.offline import GraphStep, OfflineGraph
 from lfd_replay.profiles import PROFILES, graph_settings
 from lfd_replay.read_drive import parse_mapping, read_drive
-from lfd_replay.report import write_report
+from lfd_replay.report import RecordedStep, write_report
 from lfd_replay.score import score, timeline
 
 
@@ -132,7 +132,8 @@ def main_evaluate(arguments: list[str]) -> int:
         "sensors": sensors,
     }
     if options.report:
-        write_report(options.report, drive, steps, faults, sensors)
+        recorded = [RecordedStep(step.horizon, step.bank, step.outcome.report) for step in steps]
+        write_report(options.report, drive.name, recorded, drive.zero, faults, sensors)
     if options.json:
         write_text(options.json, json.dumps(result, indent=1, allow_nan=False) + "\n")
     title = (

@@ -11,6 +11,7 @@ from geometry_msgs.msg import TwistStamped
 from lfd_mpc.errors import UserError
 from lfd_mpc.horizon import Horizon
 from lfd_mpc.messages import from_message, to_time
+from lfd_mpc.mpc_node import RECEIPTS_QOS, RECEIPTS_TOPIC
 from lfd_mpc.node_support import PIPELINE_QOS, READY_QOS, READY_TOPIC
 from lfd_mpc.sampling import RADAR, Reading, Sample, Sampler, StepInputs
 from lfd_mpc.settings import STEP_NS
@@ -26,10 +27,10 @@ from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
-from lfd_replay.drive import Drive
+from lfd_replay.drive import Drive, playing_times
 from lfd_replay.faults import Fault, FaultInjector
 
 GRAPH_NODES = ("mpc_node", "observer_node", "diagnosis_node")
@@ -99,6 +100,7 @@ class PlayerNode(Node):
         """`wait_for`: names of nodes that must have said that they are ready."""
         super().__init__("bag_player", context=context)
         self._samples = samples
+        self._times = playing_times(samples)
         self._options = options
         self._position = 0
         self._missing = set(wait_for)
@@ -110,6 +112,8 @@ class PlayerNode(Node):
         self._clock_wall = 0.0
         self._sampler = Sampler()
         self._expected: deque[StepInputs] = deque()
+        self._next_steps: list[StepInputs] | None = None
+        self._unconfirmed = 0
         self._awaited: dict[str, set[int]] = {topic: set() for topic in ANSWERS}
         self._deadline = inf
         self.error: LockstepError | None = None
@@ -124,6 +128,7 @@ class PlayerNode(Node):
             self.create_subscription(
                 PredictionHorizon, "mpc/horizon", self._on_horizon, PIPELINE_QOS
             )
+            self.create_subscription(Header, RECEIPTS_TOPIC, self._on_receipt, RECEIPTS_QOS)
             for topic, kind in ANSWERS.items():
                 self.create_subscription(
                     kind,
@@ -151,13 +156,16 @@ class PlayerNode(Node):
     @property
     def played(self) -> float:
         """Drive time played since the first sample, in s."""
-        if not self._position:
-            return 0.0
-        return (self._samples[self._position - 1].stamp - self._samples[0].stamp) * 1e-9
+        return self._times[self._position - 1] * 1e-9 if self._position else 0.0
+
+    @property
+    def total(self) -> float:
+        """Drive time from the first sample to the last, in s."""
+        return self._times[-1] * 1e-9
 
     @property
     def _waiting(self) -> bool:
-        return bool(self._expected) or any(self._awaited.values())
+        return bool(self._expected or self._unconfirmed or any(self._awaited.values()))
 
     def pump(self) -> float:
         """Publish what is due; returns the s of wall time until the next call is due.
@@ -185,17 +193,16 @@ class PlayerNode(Node):
         return self._pump_lockstep(now) if self.lockstep else self._pump_free(now)
 
     def _pump_free(self, now: float) -> float:
-        first = self._samples[0].stamp
-        elapsed = (now - self._clock_wall) * self._options.rate
-        limit = first + round(elapsed * 1e9)
+        elapsed = round((now - self._clock_wall) * self._options.rate * 1e9)
         while self._position < len(self._samples):
-            sample = self._samples[self._position]
-            if sample.stamp > limit:
-                self._tick(limit)
+            sample, due = self._samples[self._position], self._times[self._position]
+            if due > elapsed:
+                # Between samples the clock follows the wall, in steps of the algorithm.
+                clock = sample.stamp - (due - elapsed)
+                self._tick(clock)
                 self._beat(now)
-                until_tick = self._last_clock + STEP_NS - limit
-                due = min(sample.stamp - limit, max(until_tick, 0))
-                return min(due * 1e-9 / self._options.rate, HEARTBEAT)
+                until_tick = max(self._last_clock + STEP_NS - clock, 0)
+                return min(min(due - elapsed, until_tick) * 1e-9 / self._options.rate, HEARTBEAT)
             self._tick(sample.stamp)
             self._send(sample)
         if self._options.loop:
@@ -203,19 +210,22 @@ class PlayerNode(Node):
         return 0.0
 
     def _pump_lockstep(self, now: float) -> float:
-        if self._waiting:
-            if now > self._deadline:
-                raise LockstepError(self._overdue())
-            return HEARTBEAT
-        while self._position < len(self._samples) and not self._waiting:
+        while self._position < len(self._samples) and not any(self._awaited.values()):
             sample = self._samples[self._position]
-            steps = self._sampler.push(sample)
-            self._expected.extend(steps)
+            if self._next_steps is None:
+                self._next_steps = self._sampler.push(sample)
+            if self._next_steps and self._unconfirmed:
+                break
+            self._expected.extend(self._next_steps)
             for awaited in self._awaited.values():
-                awaited.update(step.stamp for step in steps)
+                awaited.update(step.stamp for step in self._next_steps)
+            self._next_steps = None
             self._tick(sample.stamp)
             self._send(sample)
-        self._deadline = now + STEP_DEADLINE
+            self._unconfirmed += 1
+            self._deadline = now + STEP_DEADLINE
+        if now > self._deadline and not self.done:
+            raise LockstepError(self._overdue())
         if self._position >= len(self._samples) and self._options.loop and not self._waiting:
             self._rewind(now)
         return HEARTBEAT
@@ -284,6 +294,9 @@ class PlayerNode(Node):
         if difference:
             self._fail(f"step at {expected.stamp * 1e-9:.2f} s: {difference}")
 
+    def _on_receipt(self, _message: Header) -> None:
+        self._unconfirmed -= 1
+
     def _on_answer(self, topic: str, raw: bytes) -> None:
         # The header's stamp follows the four bytes of the CDR encapsulation.
         seconds, nanoseconds = struct.unpack_from("<iI", raw, 4)
@@ -293,15 +306,16 @@ class PlayerNode(Node):
         self.error = self.error or LockstepError(f"lockstep: {text}")
 
     def _overdue(self) -> str:
-        topics = [topic for topic, stamps in self._awaited.items() if stamps]
-        stamps = [s.stamp for s in self._expected] + [
-            s for awaited in self._awaited.values() for s in awaited
-        ]
+        """What the graph still owes."""
+        owed = [f"{topic} ({len(stamps)})" for topic, stamps in self._awaited.items() if stamps]
         if self._expected:
-            topics.insert(0, "mpc/horizon")
+            owed.insert(0, f"mpc/horizon ({len(self._expected)})")
+        if self._unconfirmed:
+            owed.insert(0, f"{RECEIPTS_TOPIC} ({self._unconfirmed})")
+        at = self._samples[self._position - 1].stamp * 1e-9
         return (
-            f"lockstep: step at {min(stamps) * 1e-9:.2f} s was not answered within "
-            f"{STEP_DEADLINE:.0f} s on {', '.join(topics)}"
+            f"lockstep: after the sample at {at:.3f} s nothing came for {STEP_DEADLINE:.0f} s; "
+            f"still owed: {', '.join(owed)}"
         )
 
     def _on_pause(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

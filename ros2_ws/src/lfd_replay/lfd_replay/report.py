@@ -1,1 +1,3 @@
+RecordedStep = None
 def write_report(*a): raise NotImplementedError
+

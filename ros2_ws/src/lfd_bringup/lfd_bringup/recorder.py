@@ -1,0 +1,92 @@
+"""The recorder node: everything that the graph says, as it says it."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from geometry_msgs.msg import AccelStamped, TwistStamped
+from lfd_diagnosis.diagnosis_node import EVENT_QOS
+from lfd_diagnosis.verdict import Event, Report
+from lfd_mpc.horizon import Horizon
+from lfd_mpc.messages import from_message, from_time
+from lfd_mpc.node_support import PIPELINE_QOS, ReadyAnnouncer
+from lfd_msgs.msg import (
+    FaultEvent,
+    FaultReport,
+    ObserverBank,
+    PredictionHorizon,
+    RadarTarget,
+    ReconstructedState,
+)
+from lfd_observer.bank import BankState
+from lfd_replay.drive_bag import write_bag
+from lfd_replay.report import RecordedStep
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import Imu
+
+TOPICS = {
+    "radar/target": RadarTarget,
+    "vehicle/imu": Imu,
+    "vehicle/twist": TwistStamped,
+    "mpc/horizon": PredictionHorizon,
+    "mpc/command": AccelStamped,
+    "observer/bank": ObserverBank,
+    "diagnosis/faults": FaultReport,
+    "diagnosis/events": FaultEvent,
+    "diagnosis/reconstructed": ReconstructedState,
+}
+
+
+class RecorderNode(Node):
+    """Keeps serialised messages by topic, in the order in which they arrive."""
+
+    def __init__(self, on_event: Callable[[Event], None], context: Context | None = None) -> None:
+        """`on_event` is called with each change of state."""
+        super().__init__("recorder", context=context)
+        self._on_event = on_event
+        self._raw: dict[str, list[bytes]] = {topic: [] for topic in TOPICS}
+        self.received = 0
+        for topic, kind in TOPICS.items():
+            self.create_subscription(
+                kind,
+                topic,
+                lambda raw, topic=topic: self._keep(topic, raw),
+                EVENT_QOS if kind is FaultEvent else PIPELINE_QOS,
+                raw=True,
+            )
+        ReadyAnnouncer(self, list(TOPICS))
+
+    def _keep(self, topic: str, raw: bytes) -> None:
+        self._raw[topic].append(raw)
+        self.received += 1
+        if TOPICS[topic] is FaultEvent:
+            self._on_event(from_message(Event, deserialize_message(raw, FaultEvent)))
+
+    def messages(self, topic: str) -> list:
+        """The messages of one topic."""
+        return [deserialize_message(raw, TOPICS[topic]) for raw in self._raw[topic]]
+
+    def steps(self) -> Sequence[RecordedStep]:
+        """What every node said about each step."""
+        horizons = [from_message(Horizon, m) for m in self.messages("mpc/horizon")]
+        banks = {m.step: from_message(BankState, m) for m in self.messages("observer/bank")}
+        reports = {m.step: from_message(Report, m) for m in self.messages("diagnosis/faults")}
+        return [
+            RecordedStep(horizon, banks.get(horizon.step), reports[horizon.step])
+            for horizon in horizons
+            if horizon.step in reports
+        ]
+
+    def write(self, folder: Path) -> None:
+        """Write everything as a bag whose log time is each message's header stamp."""
+        rows = []
+        for topic, kind in TOPICS.items():
+            name = f"lfd_msgs/msg/{kind.__name__}"
+            if not kind.__module__.startswith("lfd_msgs"):
+                name = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
+            for raw in self._raw[topic]:
+                stamp = from_time(deserialize_message(raw, kind).header.stamp)
+                rows.append((stamp, self.resolve_topic_name(topic), name, raw))
+        rows.sort(key=lambda row: row[0])
+        write_bag(rows, folder)

@@ -1,0 +1,162 @@
+"""replay: a drive through the live node graph in one process, with timeline, bag and report."""
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import rclpy
+from lfd_diagnosis.diagnosis_node import DiagnosisNode
+from lfd_diagnosis.verdict import Event, State
+from lfd_mpc.errors import UserError
+from lfd_mpc.mpc_node import MpcNode
+from lfd_observer.observer_node import ObserverNode
+from lfd_replay.bag_player import add_play_options, play, play_options
+from lfd_replay.drive import Drive
+from lfd_replay.drive_bag import replace_folder, write_drive
+from lfd_replay.errors import run_command
+from lfd_replay.evaluate import add_drive_options, result_table, warn, write_text
+from lfd_replay.faults import Fault, parse_faults
+from lfd_replay.generate import generate_drive
+from lfd_replay.paths import share_folder
+from lfd_replay.player import GRAPH_NODES, LockstepError, PlayerNode, samples_to_play
+from lfd_replay.profiles import PROFILES
+from lfd_replay.read_drive import parse_mapping, read_drive
+from lfd_replay.report import write_report
+from lfd_replay.score import score, timeline
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.utilities import remove_ros_args
+from rich.console import Console
+from rich.text import Text
+
+from lfd_bringup.recorder import RecorderNode
+
+DEFAULT_DRIVE = "data-1"
+DEFAULT_FAULT = "offset:clearance=4,relative_velocity=-10@20-30;offset:acceleration=4@50-60"
+
+QUIET = 0.3
+"""Seconds without a message after which everything has arrived."""
+
+_COLOURS = {State.FAULT: "bold red", State.SUSPECT: "yellow", State.OK: "green"}
+
+
+def event_line(event: Event, zero: int) -> Text:
+    """One change of state as a line of the timeline; times in s of drive time."""
+    fault = event.fault
+    line = Text(f"{(event.stamp - zero) * 1e-9:8.2f} s  {event.signal:<17}  ")
+    line.append(f"{event.old_state.name:>9} -> ")
+    line.append(f"{fault.state.name:<9}", style=_COLOURS.get(fault.state, ""))
+    line.append(
+        f"  index {fault.index:4.2f} (limit {fault.threshold:.2f})"
+        f"  confidence {fault.confidence:2d} (limit {fault.confidence_threshold})  {fault.reason}"
+    )
+    return line
+
+
+def graph_nodes(profile: str) -> list[Node]:
+    """The three nodes of the graph with a profile's parameters, for replay in one process."""
+    params = share_folder("lfd_bringup") / "params"
+    arguments = ["--ros-args", "-p", "use_sim_time:=true"]
+    for name in (profile, "lockstep"):
+        arguments += ["--params-file", str(params / f"{name}.yaml")]
+    return [kind(cli_args=arguments) for kind in (MpcNode, ObserverNode, DiagnosisNode)]
+
+
+def default_drive(out: Path) -> Path:
+    """A generated drive, made once, so that nothing from outside is needed."""
+    path = out / f"{DEFAULT_DRIVE}.mcap"
+    if not path.is_file():
+        write_drive(generate_drive(DEFAULT_DRIVE, seed=0, sensor="esr"), path)
+    return path
+
+
+def main_replay(arguments: list[str]) -> int:
+    """The command line of `replay`."""
+    parser = argparse.ArgumentParser(prog="replay", description=__doc__)
+    parser.add_argument("--drive", default="", help="CSV file or bag (default: a generated drive)")
+    add_play_options(parser)
+    add_drive_options(parser)
+    parser.add_argument(
+        "--profile", default=PROFILES[0], help=f"one of: {', '.join(PROFILES)} (default: %(default)s)"
+    )
+    parser.add_argument("--out", type=Path, default=Path("out/replay"), metavar="FOLDER")
+    options = parser.parse_args(remove_ros_args(["replay", *arguments])[1:])
+
+    if options.profile not in PROFILES:
+        raise UserError(f"--profile {options.profile}: unknown; there are: {', '.join(PROFILES)}")
+    fault_texts = options.fault
+    path = Path(options.drive) if options.drive else default_drive(options.out)
+    if not options.drive and not any(text.strip() for text in fault_texts):
+        fault_texts = [DEFAULT_FAULT]
+    faults = parse_faults(fault_texts)
+    drive = read_drive(path, parse_mapping(options.map))
+    playing = play_options(options)
+    playing.check(drive)
+    warn(drive, faults)
+    samples = samples_to_play(drive, faults, playing)
+    if not samples:
+        raise UserError(f"{path}: no sample between --start and --start + --duration")
+
+    console = Console(soft_wrap=True)
+    console.print(f"replay of {drive.name}: {drive.duration:.1f} s, profile {options.profile}")
+    for fault in faults:
+        console.print(f"  injected: {fault.text}", markup=False, highlight=False)
+    rclpy.init(args=arguments)
+    try:
+        recorder = RecorderNode(
+            lambda event: console.print(event_line(event, drive.zero), highlight=False)
+        )
+        player = PlayerNode(samples, playing, [*GRAPH_NODES, "recorder"])
+        executor = SingleThreadedExecutor()
+        for node in [*graph_nodes(options.profile), recorder, player]:
+            executor.add_node(node)
+        started = time.monotonic()
+        play(player, executor, console)
+        wall = time.monotonic() - started
+        _drain(executor, recorder)
+        console.print(
+            f"played {player.total:.1f} s in {wall:.1f} s ({player.total / wall:.1f} x real time)"
+        )
+        _leave(options.out, drive, faults, recorder, console)
+    except LockstepError as error:
+        print(error, file=sys.stderr)
+        return 1
+    except ExternalShutdownException:
+        return 0
+    finally:
+        rclpy.try_shutdown()
+    return 0
+
+
+def _drain(executor: SingleThreadedExecutor, recorder: RecorderNode) -> None:
+    """Spin until nothing arrives any more."""
+    received, quiet_since = -1, time.monotonic()
+    while time.monotonic() - quiet_since < QUIET:
+        executor.spin_once(timeout_sec=QUIET)
+        if recorder.received != received:
+            received, quiet_since = recorder.received, time.monotonic()
+
+
+def _leave(
+    out: Path, drive: Drive, faults: list[Fault], recorder: RecorderNode, console: Console
+) -> None:
+    """Bag, report and summary."""
+    steps = recorder.steps()
+    sensors = score(timeline((step.report for step in steps), drive.zero), faults)
+    out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as folder:
+        bag = Path(folder) / "bag"
+        recorder.write(bag)
+        replace_folder(bag, out / "bag")
+    write_text(out / "summary.json", json.dumps(sensors, indent=1) + "\n")
+    report = write_report(out, drive.name, steps, drive.zero, faults, sensors)
+    console.print(result_table(sensors, f"{len(steps)} steps"))
+    console.print(f"bag: {out / 'bag'}   report: {report}", highlight=False)
+
+
+def main() -> int:
+    """Entry point of `lfd_bringup replay`."""
+    return run_command(main_replay)
