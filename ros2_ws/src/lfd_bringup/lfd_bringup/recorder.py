@@ -63,6 +63,10 @@ class RecorderNode(Node):
         if TOPICS[topic] is FaultEvent:
             self._on_event(from_message(Event, deserialize_message(raw, FaultEvent)))
 
+    def count(self, topic: str) -> int:
+        """How many messages of one topic have arrived."""
+        return len(self._raw[topic])
+
     def messages(self, topic: str) -> list:
         """The messages of one topic."""
         return [deserialize_message(raw, TOPICS[topic]) for raw in self._raw[topic]]

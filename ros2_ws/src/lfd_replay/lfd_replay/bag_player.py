@@ -7,7 +7,8 @@ from pathlib import Path
 
 import rclpy
 from lfd_mpc.errors import UserError
-from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from lfd_mpc.node_support import make_executor
+from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.utilities import remove_ros_args
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
@@ -101,7 +102,7 @@ def main_play(arguments: list[str]) -> int:
     rclpy.init(args=arguments)
     try:
         player = PlayerNode(samples, playing, wait_for)
-        executor = SingleThreadedExecutor()
+        executor = make_executor()
         executor.add_node(player)
         started = time.monotonic()
         play(player, executor, Console(stderr=True))
