@@ -1,0 +1,142 @@
+"""The whole graph as separate processes, with the built executables."""
+
+import json
+import os
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+from lfd_bringup.recorder import RecorderNode
+from lfd_replay.drive import Drive
+from lfd_replay.drive_bag import write_drive
+from lfd_replay.faults import FaultInjector, parse_faults
+from lfd_replay.read_drive import read_drive
+from ros_support import (
+    LOCKSTEP,
+    Graph,
+    assert_live_equals_offline,
+    next_domain,
+    offline,
+    recorded,
+)
+from rosbags.highlevel import AnyReader
+from test_live_equals_offline import drive
+
+ROOT = Path(__file__).parent.parent
+NODES = (
+    ("lfd_mpc", "mpc_node"),
+    ("lfd_observer", "observer_node"),
+    ("lfd_diagnosis", "diagnosis_node"),
+)
+
+
+def run(*arguments: str, domain: int | None = None, **options) -> subprocess.CompletedProcess:
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(domain or next_domain())}
+    return subprocess.run(
+        [ROOT / "run", *arguments],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        **options,
+    )
+
+
+@pytest.fixture(scope="module")
+def drive_file(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("drive") / "short.mcap"
+    write_drive(Drive("short", drive(3.0)), path)
+    return path
+
+
+@pytest.mark.parametrize("fault", ["", "offset:clearance=4,relative_velocity=-10@1-2"])
+def test_separate_processes_publish_what_offline_says(drive_file: Path, fault: str) -> None:
+    samples = FaultInjector(parse_faults([fault]), 0, seed=0).apply(read_drive(drive_file).samples)
+    with Graph() as graph:
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(graph.domain)}
+        recorder = graph.add(RecorderNode(lambda event: None, context=graph.context))
+        parameters = ["--ros-args", "-p", "use_sim_time:=true", "--params-file", str(LOCKSTEP)]
+        started = [
+            subprocess.Popen(
+                [ROOT / "run", package, node, *parameters],
+                env=environment,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+            for package, node in NODES
+        ]
+        wait_for = [node for _, node in NODES] + ["recorder"]
+        command = ["lfd_replay", "bag_player", str(drive_file), "--rate", "0"]
+        player = subprocess.Popen(
+            [ROOT / "run", *command, *(["--fault", fault] if fault else []), "--wait-for", *wait_for],
+            env=environment,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            graph.spin_until(lambda: player.poll() is not None, "the drive is played", 60.0)
+            assert player.returncode == 0, player.stderr.read()
+            own = offline(samples)
+            graph.spin_until(
+                lambda: all(recorder.count(topic) >= len(own[topic]) for topic in own),
+                "everything is recorded",
+            )
+            assert_live_equals_offline(recorded(recorder), own)
+        finally:
+            for process in [player, *started]:
+                process.send_signal(signal.SIGINT)
+            for process in started:
+                _, errors = process.communicate(timeout=10)
+                assert "Traceback" not in errors
+        assert [process.returncode for process in started] == [0, 0, 0]
+
+
+def test_replay_leaves_bag_report_and_timeline(drive_file: Path, tmp_path: Path) -> None:
+    fault = "offset:acceleration=4@1-2"
+    out = tmp_path / "out"
+    done = run(
+        *("lfd_bringup", "replay", "--drive", str(drive_file), "--fault", fault),
+        *("--rate", "0", "--out", str(out)),
+    )
+    assert done.returncode == 0, done.stderr
+    faulty = [line for line in done.stdout.splitlines() if "-> FAULT" in line]
+    assert len(faulty) == 1 and "acceleration" in faulty[0] and "observers exclude" in faulty[0]
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["acceleration"]["detected"] and summary["acceleration"]["false_events"] == 0
+    assert (out / "report.html").stat().st_size > 100_000
+    with AnyReader([out / "bag"]) as reader:
+        counts = {connection.topic: connection.msgcount for connection in reader.connections}
+        for connection, logged, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = message.header.stamp
+            assert logged == stamp.sec * 1_000_000_000 + stamp.nanosec
+    steps = len(offline(drive(3.0))["mpc/horizon"])
+    assert counts["/mpc/horizon"] == counts["/diagnosis/faults"] == steps
+    assert counts["/radar/target"] == 60
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["lfd_replay", "bag_player", "nowhere.mcap"], "nowhere.mcap"),
+        (["lfd_replay", "bag_player", "{drive}", "--rate", "-1"], "--rate"),
+        (["lfd_replay", "bag_player", "{drive}", "--start", "99"], "--start"),
+        (["lfd_replay", "bag_player", "{drive}", "--fault", "melt:radar@1-2"], "melt"),
+        (["lfd_bringup", "replay", "--drive", "nowhere.csv"], "nowhere.csv"),
+        (["lfd_bringup", "replay", "--profile", "magic"], "magic"),
+        (["lfd_bringup", "replay", "--drive", "{drive}", "--fault", "offset:radar=1@1-2"], "radar"),
+        (["lfd_mpc", "mpc_node", "--ros-args", "-p", "solver:=magic"], "magic"),
+        (["lfd_mpc", "mpc_nod"], "mpc_node"),
+        (["lfd_mcp", "mpc_node"], "lfd_mpc"),
+    ],
+)
+def test_a_mistake_ends_with_one_line_and_status_2(
+    drive_file: Path, tmp_path: Path, arguments: list[str], named: str
+) -> None:
+    filled = [argument.format(drive=drive_file) for argument in arguments]
+    done = run(*filled, cwd=tmp_path)
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1 and named in done.stderr
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
