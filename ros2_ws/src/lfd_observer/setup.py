@@ -12,7 +12,7 @@ setup(
     zip_safe=True,
     maintainer="The lfd developers",
     maintainer_email="lfd@example.com",
-    description="The bank of sliding mode observers: prediction horizons in, acceleration limits out.",
+    description="Sliding mode observers: prediction horizons in, acceleration limits out.",
     license="Apache-2.0",
     entry_points={"console_scripts": ["observer_node = lfd_observer.observer_node:main"]},
 )

@@ -14,9 +14,7 @@ setup(
     zip_safe=True,
     maintainer="The lfd developers",
     maintainer_email="lfd@example.com",
-    description="Drives in and out: bag player, importers, fault injection, generated drives, offline evaluation and reports.",
+    description="Drives in and out: player, importers, faults, evaluation, reports.",
     license="Apache-2.0",
-    entry_points={
-        "console_scripts": [f"{name} = lfd_replay.{name}:main" for name in EXECUTABLES]
-    },
+    entry_points={"console_scripts": [f"{name} = lfd_replay.{name}:main" for name in EXECUTABLES]},
 )

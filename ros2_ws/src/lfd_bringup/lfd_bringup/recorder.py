@@ -4,6 +4,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from geometry_msgs.msg import AccelStamped, TwistStamped
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import Imu
+
 from lfd_diagnosis.diagnosis_node import EVENT_QOS
 from lfd_diagnosis.verdict import Event, Report
 from lfd_mpc.horizon import Horizon
@@ -20,10 +25,6 @@ from lfd_msgs.msg import (
 from lfd_observer.bank import BankState
 from lfd_replay.drive_bag import write_bag
 from lfd_replay.report import RecordedStep
-from rclpy.context import Context
-from rclpy.node import Node
-from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import Imu
 
 TOPICS = {
     "radar/target": RadarTarget,

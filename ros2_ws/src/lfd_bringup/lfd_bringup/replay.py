@@ -8,6 +8,13 @@ import time
 from pathlib import Path
 
 import rclpy
+from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.node import Node
+from rclpy.utilities import remove_ros_args
+from rich.console import Console
+from rich.text import Text
+
+from lfd_bringup.recorder import RecorderNode
 from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.verdict import Event, State
 from lfd_mpc.errors import UserError
@@ -27,13 +34,6 @@ from lfd_replay.profiles import PROFILES
 from lfd_replay.read_drive import parse_mapping, read_drive
 from lfd_replay.report import write_report
 from lfd_replay.score import score, timeline
-from rclpy.executors import Executor, ExternalShutdownException
-from rclpy.node import Node
-from rclpy.utilities import remove_ros_args
-from rich.console import Console
-from rich.text import Text
-
-from lfd_bringup.recorder import RecorderNode
 
 DEFAULT_DRIVE = "data-1"
 DEFAULT_FAULT = "offset:clearance=4,relative_velocity=-10@20-30;offset:acceleration=4@50-60"
@@ -81,7 +81,9 @@ def main_replay(arguments: list[str]) -> int:
     add_play_options(parser)
     add_drive_options(parser)
     parser.add_argument(
-        "--profile", default=PROFILES[0], help=f"one of: {', '.join(PROFILES)} (default: %(default)s)"
+        "--profile",
+        default=PROFILES[0],
+        help=f"one of: {', '.join(PROFILES)} (default: %(default)s)",
     )
     parser.add_argument("--out", type=Path, default=Path("out/replay"), metavar="FOLDER")
     options = parser.parse_args(remove_ros_args(["replay", *arguments])[1:])

@@ -4,15 +4,15 @@ from dataclasses import dataclass, replace
 from math import hypot, isnan, nan
 
 import numpy as np
-from lfd_mpc.horizon import Horizon
-from lfd_mpc.settings import STEP_S
-from lfd_observer.bank import BankState
-from lfd_observer.prediction_store import HorizonFollower, Predicted
 
 from lfd_diagnosis.confidence import Confidence
 from lfd_diagnosis.fault_index import PredictionLimits
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import SIGNALS, Event, Reconstruction, Report, SignalVerdict, State
+from lfd_mpc.horizon import Horizon
+from lfd_mpc.settings import STEP_S
+from lfd_observer.bank import BankState
+from lfd_observer.prediction_store import HorizonFollower, Predicted
 
 _WORST_FIRST = (
     State.FAULT,
@@ -144,9 +144,7 @@ class Diagnosis:
         because = f" after: {self._anew_because}" if self._anew_because else ""
         return f"{self._stored} of {self._settings.prediction_steps} predictions stored{because}"
 
-    def _verdict(
-        self, name: str, state: State | None, index: float, reason: str
-    ) -> SignalVerdict:
+    def _verdict(self, name: str, state: State | None, index: float, reason: str) -> SignalVerdict:
         """The verdict on one signal; a state of None is decided by confidence (eq 26)."""
         confidence = self._confidence[name]
         confidence.step(index)

@@ -3,17 +3,6 @@
 import sys
 import time
 
-from lfd_mpc.horizon import Horizon
-from lfd_mpc.messages import from_message, from_time, to_message
-from lfd_mpc.node_support import PIPELINE_QOS, ReadyAnnouncer, declare_settings, run_node
-from lfd_msgs.msg import (
-    FaultEvent,
-    FaultReport,
-    ObserverBank,
-    PredictionHorizon,
-    ReconstructedState,
-)
-from lfd_observer.bank import BankState
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.node import Node
@@ -26,6 +15,17 @@ from lfd_diagnosis.pairing import Pair, Pairing
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.silence import SilenceWatch
 from lfd_diagnosis.verdict import Event, Report
+from lfd_mpc.horizon import Horizon
+from lfd_mpc.messages import from_message, from_time, to_message
+from lfd_mpc.node_support import PIPELINE_QOS, ReadyAnnouncer, declare_settings, run_node
+from lfd_msgs.msg import (
+    FaultEvent,
+    FaultReport,
+    ObserverBank,
+    PredictionHorizon,
+    ReconstructedState,
+)
+from lfd_observer.bank import BankState
 
 EVENT_QOS = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Events are latched: a subscriber that comes late hears what happened."""
@@ -55,7 +55,9 @@ class DiagnosisNode(Node):
             WATCH_PERIOD, self._on_watch, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
         if self.get_parameter("use_sim_time").value:
-            self.create_subscription(ClockMessage, "/clock", self._on_clock, qos_profile_sensor_data)
+            self.create_subscription(
+                ClockMessage, "/clock", self._on_clock, qos_profile_sensor_data
+            )
         ReadyAnnouncer(self, ["mpc/horizon", "observer/bank"])
 
     def _on_horizon(self, message: PredictionHorizon) -> None:

@@ -1,10 +1,10 @@
 """The predictive fault indices of the radar (eq 25)."""
 
 import numpy as np
-from lfd_mpc.settings import STEP_S
 from numpy.typing import NDArray
 
 from lfd_diagnosis.settings import DiagnosisSettings
+from lfd_mpc.settings import STEP_S
 
 Array = NDArray[np.float64]
 

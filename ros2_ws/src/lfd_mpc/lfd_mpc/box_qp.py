@@ -75,7 +75,7 @@ class BoxQp:
         return BoxSolution(u, status, residual, seconds, fell_back)
 
     def residual(self, u: Array | None, f: Array) -> float:
-        """Optimality residual `max|u - clip(u - (Pu + f))|` in m/s^2; infinite without a finite `u`."""
+        """Optimality residual `max|u - clip(u - (Pu + f))|` in m/s^2; infinite without `u`."""
         if u is None or not np.all(np.isfinite(u)):
             return float("inf")
         gradient = self._P @ u + f
@@ -88,9 +88,7 @@ class BoxQp:
         qp.settings.eps_rel = 0.0
         # Warm starts of 0.8.0 report "solved" for wrong answers; a cold start does not.
         qp.settings.initial_guess = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
-        qp.init(
-            self._P, np.zeros(n), None, None, None, None, None, self._lower, self._upper
-        )
+        qp.init(self._P, np.zeros(n), None, None, None, None, None, self._lower, self._upper)
 
         def solve(f: Array) -> Array | None:
             # The limits must be given again: an update without them drops them.
@@ -103,9 +101,7 @@ class BoxQp:
     def _by_qpsolvers(self, name: str) -> Callable[[Array], Array | None]:
         def solve(f: Array) -> Array | None:
             try:
-                u = qpsolvers.solve_qp(
-                    self._P, f, lb=self._lower, ub=self._upper, solver=name
-                )
+                u = qpsolvers.solve_qp(self._P, f, lb=self._lower, ub=self._upper, solver=name)
             except (qpsolvers.QPError, ValueError, ArithmeticError):
                 return None
             return None if u is None else np.clip(u, self._lower, self._upper)

@@ -10,9 +10,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from lfd_msgs.msg import RadarTarget
 
 from lfd_mpc.sampling import RadarSample
+from lfd_msgs.msg import RadarTarget
 
 Record = TypeVar("Record")
 Message = TypeVar("Message")

@@ -6,7 +6,6 @@ from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import AccelStamped, TwistStamped
-from lfd_msgs.msg import PredictionHorizon, RadarTarget
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.context import Context
 from rclpy.node import Node
@@ -35,11 +34,10 @@ from lfd_mpc.sampling import (
     playing_order,
 )
 from lfd_mpc.settings import MpcSettings
+from lfd_msgs.msg import PredictionHorizon, RadarTarget
 
 SENSOR_QOS = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Best effort hears every kind of sensor driver; deep, since a late step needs its samples."""
-
-
 
 
 def _acceleration(message: Imu) -> Sample:

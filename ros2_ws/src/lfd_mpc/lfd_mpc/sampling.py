@@ -268,11 +268,13 @@ class Sampler:
         return self._release(sample.stamp - SILENCE_NS, None)
 
     def _release(self, limit: int, acceleration_stamp: int | None) -> list[StepInputs]:
-        """Steps up to `limit`, released by an acceleration sample or, with None, for want of one."""
+        """Steps up to `limit`, released by an acceleration sample or (None) for want of one."""
         epoch = self._epoch
         stamp = epoch.next_step
         if stamp is None:
-            oldest = min((queue[0].stamp for queue in epoch.pending.values() if queue), default=None)
+            oldest = min(
+                (queue[0].stamp for queue in epoch.pending.values() if queue), default=None
+            )
             if oldest is None:
                 return []
             stamp = -(-oldest // STEP_NS) * STEP_NS

@@ -52,13 +52,23 @@ class MpcSettings(HorizonSettings):
     """Settings of the controller, eqs 1 to 10."""
 
     preview_time: float = setting(
-        1.5, "s", "preview time t_p of the desired clearance", "algorithm notes, eq 1", ge=0.0, le=10.0
+        1.5,
+        "s",
+        "preview time t_p of the desired clearance",
+        "algorithm notes, eq 1",
+        ge=0.0,
+        le=10.0,
     )
     minimum_clearance: float = setting(
         5.0, "m", "clearance c_0 wanted at standstill", "algorithm notes, eq 1", ge=0.0, le=100.0
     )
     weight_slope: float = setting(
-        2.0, "1", "slope beta of the tanh weights along the horizon", "algorithm notes, eq 3", gt=0.0, le=100.0
+        2.0,
+        "1",
+        "slope beta of the tanh weights along the horizon",
+        "algorithm notes, eq 3",
+        gt=0.0,
+        le=100.0,
     )
     clearance_weight: float = setting(
         1.0, "1", "weight q1 of the clearance error", "algorithm notes, eq 3", ge=0.0, le=1e6
@@ -67,17 +77,40 @@ class MpcSettings(HorizonSettings):
         1.0, "1", "weight q2 of the relative velocity", "algorithm notes, eq 3", ge=0.0, le=1e6
     )
     input_weight: float = setting(
-        10.0, "1", "weight R of changes of the input along the horizon", "algorithm notes, eq 4", ge=0.0, le=1e9
+        10.0,
+        "1",
+        "weight R of changes of the input along the horizon",
+        "algorithm notes, eq 4",
+        ge=0.0,
+        le=1e9,
     )
     acceleration_lower: float = setting(
-        -5.0, "m/s^2", "lower limit of the planned acceleration", "algorithm notes, eq 6", ge=-20.0, le=0.0
+        -5.0,
+        "m/s^2",
+        "lower limit of the planned acceleration",
+        "algorithm notes, eq 6",
+        ge=-20.0,
+        le=0.0,
     )
     acceleration_upper: float = setting(
-        3.0, "m/s^2", "upper limit of the planned acceleration", "algorithm notes, eq 6", ge=0.0, le=20.0
+        3.0,
+        "m/s^2",
+        "upper limit of the planned acceleration",
+        "algorithm notes, eq 6",
+        ge=0.0,
+        le=20.0,
     )
     solver: str = setting(
-        "proxqp", "1", "quadratic program solver: proxqp, or any solver name of qpsolvers", "own choice"
+        "proxqp",
+        "1",
+        "quadratic program solver: proxqp, or any solver name of qpsolvers",
+        "own choice",
     )
     residual_limit: float = setting(
-        1e-9, "m/s^2", "optimality residual above which a problem is solved again exactly", "own choice", gt=0.0, le=1e-3
+        1e-9,
+        "m/s^2",
+        "optimality residual above which a problem is solved again exactly",
+        "own choice",
+        gt=0.0,
+        le=1e-3,
     )

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from math import nan
 
 import numpy as np
-from lfd_mpc.horizon import Horizon
 from numpy.typing import NDArray
 
+from lfd_mpc.horizon import Horizon
 from lfd_observer.prediction_store import HorizonFollower
 from lfd_observer.settings import BankSettings
 from lfd_observer.sliding_mode_observer import SlidingModeObservers

@@ -2,14 +2,14 @@
 
 import sys
 
+from rclpy.context import Context
+from rclpy.node import Node
+
 from lfd_mpc.horizon import Horizon
 from lfd_mpc.messages import from_message, to_message
 from lfd_mpc.node_support import PIPELINE_QOS, ReadyAnnouncer, declare_settings, run_node
 from lfd_msgs.msg import ObserverBank as ObserverBankMessage
 from lfd_msgs.msg import PredictionHorizon
-from rclpy.context import Context
-from rclpy.node import Node
-
 from lfd_observer.bank import ObserverBank
 from lfd_observer.settings import BankSettings
 

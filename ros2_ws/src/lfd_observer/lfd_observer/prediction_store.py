@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from lfd_mpc.horizon import Horizon
 from numpy.typing import NDArray
+
+from lfd_mpc.horizon import Horizon
 
 Array = NDArray[np.float64]
 

@@ -2,18 +2,29 @@
 
 from typing import Annotated
 
-from lfd_mpc.settings import HorizonSettings, Settings, setting
 from pydantic import Field, model_validator
+
+from lfd_mpc.settings import HorizonSettings, Settings, setting
 
 
 class LeadMotion(Settings):
     """How the lead accelerates in normal driving: mean, standard deviation and width of limits."""
 
     lead_acceleration_mean: float = setting(
-        0.0728, "m/s^2", "mean mu of the lead's acceleration", "section 4, below eq 22", ge=-5.0, le=5.0
+        0.0728,
+        "m/s^2",
+        "mean mu of the lead's acceleration",
+        "section 4, below eq 22",
+        ge=-5.0,
+        le=5.0,
     )
     lead_acceleration_std: float = setting(
-        0.6698, "m/s^2", "standard deviation sigma of the lead's acceleration", "section 4, below eq 22", gt=0.0, le=10.0
+        0.6698,
+        "m/s^2",
+        "standard deviation sigma of the lead's acceleration",
+        "section 4, below eq 22",
+        gt=0.0,
+        le=10.0,
     )
     n_sigma: float = setting(
         3.0, "1", "width of all limits in standard deviations", "eq 23", gt=0.0, le=10.0
@@ -30,22 +41,46 @@ class BankSettings(HorizonSettings, LeadMotion):
     """Settings of the bank, eqs 11 to 24."""
 
     lags: tuple[Annotated[int, Field(ge=0, le=100)], ...] = setting(
-        (0, 3, 6, 9, 12, 15), "steps", "lag of each observer; 0 is fed the measurement", "section 4, eq 24", min_length=1
+        (0, 3, 6, 9, 12, 15),
+        "steps",
+        "lag of each observer; 0 is fed the measurement",
+        "section 4, eq 24",
+        min_length=1,
     )
     weight_decay: float = setting(
-        0.95, "1", "weight of each observer relative to the one before it", "section 4, below eq 24", gt=0.0, le=1.0
+        0.95,
+        "1",
+        "weight of each observer relative to the one before it",
+        "section 4, below eq 24",
+        gt=0.0,
+        le=1.0,
     )
     injection_gain: float = setting(
         10.0, "m/s^2", "magnitude rho of the injection", "algorithm notes, eq 18", gt=0.0, le=1000.0
     )
     injection_filter_time: float = setting(
-        0.1, "s", "time constant of the low-pass that gives the equivalent injection", "algorithm notes, eq 21", ge=0.01, le=10.0
+        0.1,
+        "s",
+        "time constant of the low-pass that gives the equivalent injection",
+        "algorithm notes, eq 21",
+        ge=0.01,
+        le=10.0,
     )
     boundary_layer: float = setting(
-        0.0, "m + m/s", "output error within which the injection is proportional; 0 = sign", "algorithm notes, eq 18", ge=0.0, le=10.0
+        0.0,
+        "m + m/s",
+        "output error within which the injection is proportional; 0 = sign",
+        "algorithm notes, eq 18",
+        ge=0.0,
+        le=10.0,
     )
     largest_relative_acceleration: float = setting(
-        8.0, "m/s^2", "largest relative acceleration that the observers must follow", "own choice: hard braking of one car", gt=0.0, le=100.0
+        8.0,
+        "m/s^2",
+        "largest relative acceleration that the observers must follow",
+        "own choice: hard braking of one car",
+        gt=0.0,
+        le=100.0,
     )
 
     @model_validator(mode="after")

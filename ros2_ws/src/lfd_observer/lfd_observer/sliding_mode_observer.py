@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from lfd_mpc.settings import STEP_S
 from numpy.typing import NDArray
+
+from lfd_mpc.settings import STEP_S
 
 Array = NDArray[np.float64]
 

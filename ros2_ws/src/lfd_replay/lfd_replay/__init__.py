@@ -1,1 +1,1 @@
-"""Drives in and out: bag player, importers, fault injection, generated drives, evaluation, reports."""
+"""Drives in and out: player, importers, faults, generated drives, evaluation, reports."""

@@ -6,13 +6,13 @@ import time
 from pathlib import Path
 
 import rclpy
-from lfd_mpc.errors import UserError
-from lfd_mpc.node_support import make_executor
 from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.utilities import remove_ros_args
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from lfd_mpc.errors import UserError
+from lfd_mpc.node_support import make_executor
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import add_drive_options, warn
 from lfd_replay.faults import parse_faults

@@ -8,6 +8,7 @@ from math import isfinite
 from lfd_mpc.errors import UserError
 from lfd_mpc.sampling import ACCELERATION, AHEAD_NS, RADAR, RadarSample, Sample
 
+
 @dataclass(frozen=True)
 class Drive:
     """`samples` in playing order; `zero` is the drive's time zero in ns: its earliest stamp."""
@@ -93,7 +94,7 @@ def playing_times(samples: Sequence[Sample]) -> list[int]:
 def _epochs(streams: dict[str, list[Sample]]) -> dict[str, list[int]]:
     """For each sample how often time has started again before it.
 
-    Time starts again where every input steps back by more than a second, as a looped recording does.
+    Time starts again where every input steps back by over a second, as a looped recording does.
     """
     steps_back = {
         name: [

@@ -38,7 +38,9 @@ class Table:
             text = path.read_text(encoding="utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or "not a text file"
-            raise UserError(f"{path}: cannot be read ({reason}); a CSV drive is expected") from error
+            raise UserError(
+                f"{path}: cannot be read ({reason}); a CSV drive is expected"
+            ) from error
         if "\0" in text:
             raise UserError(f"{path}: cannot be read (not a text file); a CSV drive is expected")
         rows = list(csv.reader(text.splitlines()))
@@ -129,7 +131,8 @@ def read_csv_streams(
     for name in mapping:
         if name not in (*COLUMNS, TRACK):
             raise UserError(
-                f"--map {name}: no such column of a drive; there are: {', '.join((*COLUMNS, TRACK))}"
+                f"--map {name}: no such column of a drive; "
+                f"there are: {', '.join((*COLUMNS, TRACK))}"
             )
     missing = [
         mapping.get(column, column)

@@ -7,11 +7,11 @@ import tempfile
 import time
 from pathlib import Path
 
-from lfd_mpc.errors import UserError
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from lfd_mpc.errors import UserError
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
@@ -38,9 +38,7 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=COLUMN",
         help="own column name of a CSV drive, such as range_m=dist; may be repeated",
     )
-    parser.add_argument(
-        "--seed", type=int, default=0, help="seed of the noise fault (default: 0)"
-    )
+    parser.add_argument("--seed", type=int, default=0, help="seed of the noise fault (default: 0)")
 
 
 def warn(drive: Drive, faults: list[Fault]) -> None:
@@ -97,11 +95,15 @@ def main_evaluate(arguments: list[str]) -> int:
     parser.add_argument("drive", type=Path, help="CSV file or bag")
     add_drive_options(parser)
     parser.add_argument(
-        "--profile", default=PROFILES[0], help=f"one of: {', '.join(PROFILES)} (default: %(default)s)"
+        "--profile",
+        default=PROFILES[0],
+        help=f"one of: {', '.join(PROFILES)} (default: %(default)s)",
     )
     parser.add_argument("--params", type=Path, metavar="FILE.yaml", help="ROS parameter file")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
-    parser.add_argument("--report", type=Path, metavar="FOLDER", help="write a page to look at there")
+    parser.add_argument(
+        "--report", type=Path, metavar="FOLDER", help="write a page to look at there"
+    )
     options = parser.parse_args(arguments)
 
     faults = parse_faults(options.fault)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from math import isfinite, nan
 
 import numpy as np
+
 from lfd_mpc.errors import UserError
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
 
@@ -27,7 +28,7 @@ GRAMMAR = "KIND:SIGNAL[=VALUE][,SIGNAL=VALUE...]@START-END"
 
 @dataclass(frozen=True)
 class Fault:
-    """One kind of fault on some signals from `start` (included) to `end` (not), in ns of drive time.
+    """One kind of fault on some signals, `start` included, `end` not, in ns of drive time.
 
     `values` maps each signal to its value in the unit of the kind, None for kinds without one.
     """
@@ -227,7 +228,7 @@ class _Effect:
 
 
 def truth_windows(faults: list[Fault], signal: str) -> list[tuple[float, float]]:
-    """The injected windows of a signal in s of drive time, merged; `radar` is both of its signals."""
+    """The injected windows of a signal in s of drive time, merged; `radar` is both signals."""
     names = RADAR_SIGNALS if signal == RADAR else (signal,)
     windows = sorted(
         (fault.start * 1e-9, fault.end * 1e-9)

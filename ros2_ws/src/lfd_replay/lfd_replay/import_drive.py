@@ -5,7 +5,6 @@ from pathlib import Path
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED
-
 from lfd_replay.drive import make_drive
 from lfd_replay.drive_bag import write_drive
 from lfd_replay.drive_csv import ACCEL, SPEED, Table, read_csv_streams, scalar_stream
@@ -34,7 +33,9 @@ def extra_column(text: str, usual: str) -> tuple[Table, str]:
         others = [name for name in header if name != "t_s"]
         column = usual if usual in header else others[0] if len(others) == 1 else ""
     if not column:
-        raise UserError(f"{path}: which column? name it as {path}:COLUMN; there are: {', '.join(header)}")
+        raise UserError(
+            f"{path}: which column? name it as {path}:COLUMN; there are: {', '.join(header)}"
+        )
     return Table(path, {usual: column}), usual
 
 

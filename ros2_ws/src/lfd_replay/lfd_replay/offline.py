@@ -8,7 +8,6 @@ from lfd_mpc.errors import UserError
 from lfd_mpc.horizon import Horizon, Mpc
 from lfd_mpc.sampling import Sample
 from lfd_observer.bank import BankState, ObserverBank
-
 from lfd_replay.profiles import GraphSettings
 
 

@@ -8,6 +8,14 @@ from dataclasses import dataclass
 from math import inf, isnan
 
 from geometry_msgs.msg import TwistStamped
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.qos import ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Imu
+from std_msgs.msg import Header, String
+from std_srvs.srv import Trigger
+
 from lfd_mpc.errors import UserError
 from lfd_mpc.horizon import Horizon
 from lfd_mpc.messages import from_message, to_time
@@ -22,14 +30,6 @@ from lfd_msgs.msg import (
     RadarTarget,
     ReconstructedState,
 )
-from rclpy.context import Context
-from rclpy.node import Node
-from rclpy.qos import ReliabilityPolicy
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Imu
-from std_msgs.msg import Header, String
-from std_srvs.srv import Trigger
-
 from lfd_replay.drive import Drive, playing_times
 from lfd_replay.faults import Fault, FaultInjector
 
@@ -69,7 +69,9 @@ class PlayOptions:
     def check(self, drive: Drive) -> None:
         """Raises UserError for options that cannot be played."""
         if not 0.0 <= self.rate < inf:
-            raise UserError(f"--rate {self.rate:g}: a number of 0 or more is expected; 0 = lockstep")
+            raise UserError(
+                f"--rate {self.rate:g}: a number of 0 or more is expected; 0 = lockstep"
+            )
         if not 0.0 <= self.start <= drive.duration:
             raise UserError(
                 f"--start {self.start:g}: the drive goes from 0 to {drive.duration:.1f} s"

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
+from pydantic import ValidationError
+
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_mpc.errors import UserError
 from lfd_mpc.settings import MpcSettings, Settings, settings_error
 from lfd_observer.settings import BankSettings
-from pydantic import ValidationError
 
 PROFILES = ("paper",)
 """Names that `--profile` accepts; the first is the default. The paper profile is the defaults."""
@@ -56,7 +57,9 @@ def read_parameter_file(file: Path) -> dict[str, dict]:
         detail = " ".join(str(getattr(error, "strerror", None) or error).split())
         raise UserError(f"{file}: cannot be read as a parameter file ({detail[:200]})") from error
     if not isinstance(content, dict):
-        raise UserError(f"{file}: is no parameter file; node names with ros__parameters are expected")
+        raise UserError(
+            f"{file}: is no parameter file; node names with ros__parameters are expected"
+        )
     values: dict[str, dict] = {name: {} for name in NODES}
     for key, section in content.items():
         node = str(key).rsplit("/", 1)[-1]
@@ -79,8 +82,8 @@ def read_parameter_file(file: Path) -> dict[str, dict]:
 def parameter_file_text(profile: str) -> str:
     """A ROS parameter file with every parameter of a profile, its unit, meaning and source."""
     lines = [
-        f"# Parameters of the {profile} profile. Made by `make parameters` from the settings models,",
-        "# where each one is described once; a test holds them to be the same.",
+        f"# Parameters of the {profile} profile. Made by `make parameters` from the settings",
+        "# models, where each one is described once; a test holds them to be the same.",
     ]
     for node, kind in NODES.items():
         lines += ["", f"/**/{node}:", "  ros__parameters:"]

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from lfd_mpc.errors import UserError
-
 from lfd_replay.drive import Drive, make_drive
 from lfd_replay.drive_bag import read_bag_streams
 from lfd_replay.drive_csv import read_csv_streams
@@ -33,9 +32,7 @@ def _neighbours(path: Path) -> str:
     """What drives are there instead."""
     if not path.parent.is_dir():
         return f"; there is no folder {path.parent} either"
-    there = sorted(
-        p.name for p in path.parent.iterdir() if p.suffix in (*BAG_SUFFIXES, ".csv")
-    )
+    there = sorted(p.name for p in path.parent.iterdir() if p.suffix in (*BAG_SUFFIXES, ".csv"))
     return f"; in {path.parent} there are: {', '.join(there[:10])}" if there else ""
 
 

@@ -1,3 +1,5 @@
 RecordedStep = None
-def write_report(*a): raise NotImplementedError
 
+
+def write_report(*a):
+    raise NotImplementedError

@@ -6,7 +6,6 @@ from statistics import median
 
 from lfd_diagnosis.verdict import SIGNALS, Report, State
 from lfd_mpc.settings import STEP_NS
-
 from lfd_replay.faults import Fault, truth_windows
 
 Interval = tuple[float, float]
