@@ -17,7 +17,8 @@ class PredictionModel:
     `M` (N, 2, 2), `H` (N, 2, N), `F` (N, 2): unweighted prediction of the error
     `e(k+i) = M_i e(k) + H_i u + F_i u(k)` for i = 1..N, in m and m/s (eqs 5, 10).
     `P` (N, N), `f_error` (N, 2), `f_input` (N,): scaled cost
-    `1/2 u'Pu + (f_error e + f_input u(k))'u` (eqs 6 to 8); its mean eigenvalue is 1, so that solver tolerances mean something.
+    `1/2 u'Pu + (f_error e + f_input u(k))'u` (eqs 6 to 8); its mean eigenvalue is 1, so
+    that solver tolerances mean something.
     `eigenvalues` (N,): of the unscaled `P` (Fig 5), ascending.
     """
 
