@@ -25,7 +25,7 @@ from lfd_replay.bag_player import add_play_options, play, play_options
 from lfd_replay.drive import Drive
 from lfd_replay.drive_bag import replace_folder, write_drive
 from lfd_replay.errors import run_command
-from lfd_replay.evaluate import add_drive_options, result_table, warn, write_text
+from lfd_replay.evaluate import add_drive_options, print_table, result_table, warn
 from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.generate import generate_drive
 from lfd_replay.paths import share_folder
@@ -34,6 +34,7 @@ from lfd_replay.profiles import PROFILES
 from lfd_replay.read_drive import parse_mapping, read_drive
 from lfd_replay.report import write_report
 from lfd_replay.score import score, timeline
+from lfd_replay.text_file import write_text
 
 DEFAULT_DRIVE = "data-1"
 DEFAULT_FAULT = "offset:clearance=4,relative_velocity=-10@20-30;offset:acceleration=4@50-60"
@@ -156,7 +157,7 @@ def _leave(
         replace_folder(bag, out / "bag")
     write_text(out / "summary.json", json.dumps(sensors, indent=1) + "\n")
     report = write_report(out, drive.name, steps, drive.zero, faults, sensors)
-    console.print(result_table(sensors, f"{len(steps)} steps"))
+    print_table(result_table(sensors, f"{len(steps)} steps"))
     console.print(f"bag: {out / 'bag'}   report: {report}", highlight=False)
 
 

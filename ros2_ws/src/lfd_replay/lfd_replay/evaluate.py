@@ -3,7 +3,6 @@
 import argparse
 import json
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -11,7 +10,6 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from lfd_mpc.errors import UserError
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
@@ -20,6 +18,7 @@ from lfd_replay.profiles import PROFILES, graph_settings
 from lfd_replay.read_drive import parse_mapping, read_drive
 from lfd_replay.report import RecordedStep, write_report
 from lfd_replay.score import score, timeline
+from lfd_replay.text_file import write_text
 
 
 def add_drive_options(parser: argparse.ArgumentParser) -> None:
@@ -54,20 +53,6 @@ def warn(drive: Drive, faults: list[Fault]) -> None:
             )
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(
-            "w", dir=path.parent, prefix=".writing-", delete=False
-        ) as file:
-            file.write(text)
-        Path(file.name).replace(path)
-        path.chmod(0o644)
-    except OSError as error:
-        raise UserError(f"{path}: cannot be written ({error.strerror})") from error
-
-
 def result_table(sensors: dict[str, dict], title: str) -> Table:
     """The verdict per sensor as people read it."""
     table = Table(title=title, title_justify="left")
@@ -87,6 +72,12 @@ def result_table(sensors: dict[str, dict], title: str) -> Table:
             f"{figures['ready_fraction']:.1%}",
         )
     return table
+
+
+def print_table(table: Table) -> None:
+    """Print a table; where nobody knows how wide the output is, wide enough for all of it."""
+    console = Console()
+    Console(width=None if console.is_terminal else 120).print(table)
 
 
 def main_evaluate(arguments: list[str]) -> int:
@@ -142,7 +133,7 @@ def main_evaluate(arguments: list[str]) -> int:
         f"{drive.name}: {result['duration_s']:.1f} s, {len(steps)} steps in {elapsed:.1f} s "
         f"({result['realtime_factor']:.0f} x real time), profile {options.profile}"
     )
-    Console().print(result_table(sensors, title))
+    print_table(result_table(sensors, title))
     return 0
 
 

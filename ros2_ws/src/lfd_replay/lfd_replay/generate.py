@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from zlib import crc32
 
 import numpy as np
-from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample, ScalarSample
 from numpy.typing import NDArray
 
+from lfd_mpc.errors import UserError
+from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample, ScalarSample
 from lfd_replay.drive import Drive, make_drive
 
 Array = NDArray[np.float64]
@@ -188,9 +188,7 @@ class EsrSuite:
         keep = np.exp(-self.acceleration_period / self.acceleration_wander_time)
         wander = np.empty(len(times))
         wander[0] = 0.0
-        pushes = generator.normal(
-            0.0, self.acceleration_wander * np.sqrt(1 - keep**2), len(times)
-        )
+        pushes = generator.normal(0.0, self.acceleration_wander * np.sqrt(1 - keep**2), len(times))
         for k in range(1, len(times)):
             wander[k] = keep * wander[k - 1] + pushes[k]
         value += self.acceleration_bias + wander

@@ -4,7 +4,6 @@ import argparse
 from pathlib import Path
 
 from lfd_mpc.errors import UserError
-
 from lfd_replay.drive_bag import write_drive
 from lfd_replay.errors import run_command
 from lfd_replay.generate import PROFILES, SENSORS, generate_drive
