@@ -1,0 +1,142 @@
+"""Prediction model, quadratic program and controller."""
+
+import numpy as np
+import pytest
+import quadprog
+from lfd_mpc.box_qp import BoxQp, available_solvers
+from lfd_mpc.controller import Controller
+from lfd_mpc.prediction_model import build_prediction_model
+from lfd_mpc.settings import STEP_S, MpcSettings
+
+N = 20
+LOWER, UPPER = -5.0, 3.0
+
+
+@pytest.fixture(scope="module")
+def model():
+    return build_prediction_model(MpcSettings())
+
+
+def make_qp(model, solver: str, residual_limit: float = 1e-9) -> BoxQp:
+    return BoxQp(model.P, np.full(N, LOWER), np.full(N, UPPER), solver, residual_limit)
+
+
+def linear_terms(model, count: int, seed: int):
+    """Problems from states well inside the limits to far outside of them."""
+    generator = np.random.default_rng(seed)
+    for _ in range(count):
+        size = 10.0 ** generator.uniform(-2.0, 3.0)
+        error = generator.normal(size=2) * [size, size / 3]
+        yield model.f_error @ error + model.f_input * generator.uniform(-10.0, 8.0)
+
+
+def exact(model, f) -> np.ndarray:
+    sides = np.hstack([np.eye(N), -np.eye(N)])
+    limits = np.concatenate([np.full(N, LOWER), np.full(N, -UPPER)])
+    return quadprog.solve_qp(model.P.copy(), -f, sides, limits)[0]
+
+
+def test_eigenvalues_of_the_cost_are_those_of_a_faithful_build(model) -> None:
+    assert model.eigenvalues[0] == pytest.approx(0.0706, abs=5e-5)
+    assert model.eigenvalues[-1] == pytest.approx(39.77, abs=5e-3)
+
+
+def test_weights_that_break_convexity_are_refused() -> None:
+    with pytest.raises(ValueError, match="positive definite"):
+        build_prediction_model(MpcSettings(input_weight=0.0))
+
+
+def test_the_prediction_is_the_model_stepped_through_time(model) -> None:
+    generator = np.random.default_rng(1)
+    error, inputs, now = generator.normal(size=2), generator.normal(size=N), 0.7
+    state, applied = error.copy(), [now, *inputs]
+    for k in range(N):
+        # eq 3, one step after the other
+        state = np.array([state[0] + STEP_S * state[1], state[1] - STEP_S * applied[k]])
+        np.testing.assert_allclose(model.predict(error, inputs, now)[k], state, atol=1e-12)
+
+
+def test_the_cost_is_the_sum_of_weighted_outputs_and_input_changes(model) -> None:
+    """Eq 4 written out, against its quadratic form up to a constant and the scale."""
+    generator = np.random.default_rng(2)
+    error, now = np.array([3.0, -1.0]), 0.4
+    along = np.tanh(2.0 * np.arange(1, N + 1) / N)
+    f = model.f_error @ error + model.f_input * now
+
+    def written_out(u: np.ndarray) -> float:
+        outputs = along[:, None] * model.predict(error, u, now)
+        changes = u - np.append(u[1:], 0.0)
+        return 0.5 * float((outputs**2).sum() + 10.0 * (changes**2).sum())
+
+    def quadratic(u: np.ndarray) -> float:
+        return float(0.5 * u @ model.P @ u + f @ u)
+
+    zero, one = np.zeros(N), generator.normal(size=N)
+    scale = (written_out(one) - written_out(zero)) / quadratic(one)
+    for _ in range(5):
+        u = generator.normal(size=N)
+        assert written_out(u) - written_out(zero) == pytest.approx(scale * quadratic(u))
+
+
+def test_matrices_are_read_only(model) -> None:
+    with pytest.raises(ValueError):
+        model.P[0, 0] = 1.0
+
+
+@pytest.mark.parametrize("solver", available_solvers())
+@pytest.mark.filterwarnings("ignore")
+def test_each_solver_agrees_with_the_active_set_solver(model, solver: str) -> None:
+    count = 5000 if solver == "proxqp" else 1000
+    qp = make_qp(model, solver)
+    for f in linear_terms(model, count, seed=3):
+        solution = qp.solve(f)
+        assert solution.u is not None
+        np.testing.assert_allclose(solution.u, exact(model, f), atol=1e-6)
+        assert solution.residual <= 1e-9 or solution.fell_back
+
+
+def test_some_of_these_problems_are_inside_the_limits_and_some_at_them(model) -> None:
+    at_limit = [
+        np.any((u <= LOWER + 1e-9) | (u >= UPPER - 1e-9))
+        for u in (exact(model, f) for f in linear_terms(model, 300, seed=3))
+    ]
+    assert 0.2 < np.mean(at_limit) < 0.8
+
+
+def test_an_answer_above_the_residual_limit_is_solved_again_exactly(model) -> None:
+    qp = make_qp(model, "proxqp", residual_limit=1e-300)
+    f = next(linear_terms(model, 1, seed=4))
+    solution = qp.solve(f)
+    assert solution.fell_back and solution.status == "solved by quadprog"
+    np.testing.assert_allclose(solution.u, exact(model, f), atol=1e-9)
+
+
+def test_an_unsolvable_problem_says_so_instead_of_raising(model) -> None:
+    solution = make_qp(model, "proxqp").solve(np.full(N, np.nan))
+    assert solution.u is None and np.isnan(solution.residual)
+    assert solution.status == "no solution found"
+
+
+def test_an_unknown_solver_is_refused_with_what_is_there(model) -> None:
+    with pytest.raises(ValueError, match=r"'magic'.*quadprog"):
+        make_qp(model, "magic")
+
+
+def test_without_host_speed_only_the_relative_velocity_is_regulated() -> None:
+    controller = Controller(MpcSettings())
+    free = controller.solve(40.0, 0.0, 0.0, None)
+    assert free.desired_clearance == 40.0
+    assert abs(free.command) < 1e-9
+    assert controller.solve(40.0, 0.0, 0.0, 10.0).desired_clearance == 10.0 * 1.5 + 5.0
+
+
+def test_a_gap_that_is_too_small_brakes_and_one_too_large_accelerates() -> None:
+    controller = Controller(MpcSettings())
+    assert controller.solve(10.0, -2.0, 0.0, 15.0).command < 0.0
+    assert controller.solve(80.0, 2.0, 0.0, 15.0).command > 0.0
+
+
+def test_the_prediction_of_clearance_starts_from_the_clearance() -> None:
+    solution = Controller(MpcSettings()).solve(40.0, -1.0, 0.3, 12.0)
+    assert solution.states[0, 0] == pytest.approx(40.0 - 1.0 * STEP_S)
+    assert solution.states[0, 1] == pytest.approx(-1.0 - 0.3 * STEP_S)
