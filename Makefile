@@ -5,7 +5,7 @@ FAULT ?=
 RATE ?= 1.0
 PROFILE ?= paper
 
-.PHONY: setup replay test lint clean
+.PHONY: setup replay test lint parameters clean
 
 setup:
 	@command -v git >/dev/null || { echo "setup: missing: git" >&2; exit 1; }
@@ -20,6 +20,9 @@ test: setup
 
 lint: setup
 	@.venv/bin/ruff check . && .venv/bin/ruff format --check .
+
+parameters: setup
+	@PYTHONPATH= bash -c 'export PATH=$$PWD/.venv/bin:$$PATH; [ -n "$${ROS_DISTRO:-}" ] || export AMENT_PREFIX_PATH=$$PWD/.venv; . ros2_ws/install/local_setup.bash; python -c "from lfd_replay.profiles import PROFILES, parameter_file_text; [open(f\"ros2_ws/src/lfd_bringup/params/{p}.yaml\", \"w\").write(parameter_file_text(p)) for p in PROFILES]"'
 
 clean:
 	rm -rf .venv out ros2_ws/build ros2_ws/install ros2_ws/log

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import quadprog
+
 from lfd_mpc.box_qp import BoxQp, available_solvers
 from lfd_mpc.controller import Controller
 from lfd_mpc.prediction_model import build_prediction_model

@@ -4,11 +4,13 @@ Where the figures come from:
 - The follower is the intelligent driver model with a reaction time (Treiber, Kesting: Traffic Flow
   Dynamics, chapters 11 and 12); the powertrain is a first-order lag.
 - The radar `esr`: 0.1 m and 0.01 m/s are the resolutions of the Delphi ESR's CAN frames. Noise of
-  0.056 m and 0.023 m/s and scans every 44 to 58 ms were read off a recorded radar. Isolated
-  outliers come about once a minute.
+  0.056 m and 0.023 m/s and scans every 44 to 58 ms, 50 ms on average, were read off a recorded
+  radar. Single scans that are off, about once a minute, are an assumption.
 - The accelerometer deviates slowly from the derivative of speed, by 0.3 m/s^2 rms on the recorded
-  drive, mostly from road grade; this flat road gets 0.15.
-- The host speed has steps of 0.01 m/s, 83 Hz and a lag of 50 ms.
+  drive, mostly from road grade; this flatter road gets 0.15. Its bias, its noise and the 8 s over
+  which the deviation changes are assumptions.
+- The host speed comes at 83 Hz as on the recorded drive; its steps of 0.01 m/s, its lag of 50 ms
+  and the wheel radius being off by up to 1 % are assumptions.
 """
 
 from collections.abc import Callable
@@ -102,7 +104,7 @@ _CALM = _waves((0.5, 38.0, 0.3), (0.25, 17.0, 2.0), (0.1, 7.0, 4.0))
 PROFILES = {
     "data-1": Profile(80.0, 14.0, _waves((0.6, 31.0, 0.0), (0.3, 13.0, 1.0), (0.12, 6.0, 2.5))),
     "data-2": Profile(80.0, 19.0, _waves((0.7, 43.0, 1.2), (0.3, 19.0, 3.0), (0.1, 8.0, 0.5))),
-    "data-3": Profile(80.0, 20.0, _with_braking(_CALM, start=20.0, peak=-2.5)),
+    "data-3": Profile(80.0, 18.0, _with_braking(_CALM, start=20.0, peak=-2.5)),
 }
 """Lead profiles: two of normal car following, and one with abrupt braking at 20 s."""
 
@@ -136,13 +138,13 @@ def simulate(profile: Profile, driver: Driver) -> Truth:
 class EsrSuite:
     """A car with a Delphi ESR, an accelerometer and wheel speed."""
 
-    scan_period: tuple[float, float] = (0.044, 0.056)  # s, evenly spread
+    scan_period: tuple[float, float, float] = (0.044, 0.048, 0.058)  # s: least, likeliest, most
     clearance_noise: float = 0.056  # m
     clearance_step: float = 0.1  # m
     velocity_noise: float = 0.023  # m/s
     velocity_step: float = 0.01  # m/s
-    outlier_period: float = 60.0  # s, mean time between outliers
-    outlier: float = 1.5  # m
+    outlier_period: tuple[float, float] = (45.0, 75.0)  # s, evenly spread
+    outlier: float = 1.5  # m, nearer or farther
     acceleration_period: float = 0.01  # s
     acceleration_jitter: float = 0.0005  # s
     acceleration_noise: float = 0.05  # m/s^2
@@ -163,17 +165,13 @@ class EsrSuite:
         }
 
     def _radar(self, truth: Truth, generator: np.random.Generator) -> list[Sample]:
-        duration = truth.time[-1]
-        periods = generator.uniform(*self.scan_period, size=int(duration / self.scan_period[0]))
-        times = np.cumsum(periods)
-        times = times[times < duration]
+        times = self._scan_times(truth.time[-1], generator)
         clearance = np.interp(times, truth.time, truth.clearance)
         velocity = np.interp(times, truth.time, truth.relative_velocity)
         clearance += generator.normal(0.0, self.clearance_noise, len(times))
         velocity += generator.normal(0.0, self.velocity_noise, len(times))
-        mean_period = sum(self.scan_period) / 2
-        outliers = generator.random(len(times)) < mean_period / self.outlier_period
-        clearance += self.outlier * outliers
+        for k in self._outliers(times, generator):
+            clearance[k] += self.outlier * generator.choice((-1.0, 1.0))
         clearance = _quantised(clearance, self.clearance_step)
         velocity = _quantised(velocity, self.velocity_step)
         return [
@@ -181,13 +179,32 @@ class EsrSuite:
             for t, c, v in zip(times, clearance, velocity, strict=True)
         ]
 
+    def _scan_times(self, duration: float, generator: np.random.Generator) -> Array:
+        """Times of all scans in s; a triangular spread, since the range is lopsided about 50 ms."""
+        count = int(duration / self.scan_period[0])
+        times = np.cumsum(generator.triangular(*self.scan_period, size=count))
+        return times[times < duration]
+
+    def _outliers(self, times: Array, generator: np.random.Generator) -> list[int]:
+        """Indices of the scans that are off; far apart, so that each one stands alone."""
+        # The first one may come at any time, as if the radar had been on before the drive.
+        time = generator.uniform(0.0, self.outlier_period[1])
+        found = []
+        while time < times[-1]:
+            found.append(int(np.searchsorted(times, time)))
+            time += generator.uniform(*self.outlier_period)
+        return found
+
     def _acceleration(self, truth: Truth, generator: np.random.Generator) -> list[Sample]:
-        ideal = np.arange(self.acceleration_period, truth.time[-1], self.acceleration_period)
+        ideal = np.arange(round(truth.time[-1] / self.acceleration_period)) * (
+            self.acceleration_period
+        )
         times = ideal + generator.uniform(0.0, self.acceleration_jitter, len(ideal))
         value = np.interp(times, truth.time, truth.host_acceleration)
         keep = np.exp(-self.acceleration_period / self.acceleration_wander_time)
         wander = np.empty(len(times))
-        wander[0] = 0.0
+        # The road does not become uneven at the start of the drive only.
+        wander[0] = generator.normal(0.0, self.acceleration_wander)
         pushes = generator.normal(0.0, self.acceleration_wander * np.sqrt(1 - keep**2), len(times))
         for k in range(1, len(times)):
             wander[k] = keep * wander[k - 1] + pushes[k]
@@ -223,7 +240,9 @@ def generate_drive(name: str, seed: int, sensor: str) -> Drive:
 
 
 def _generator(seed: int, *names: str) -> np.random.Generator:
-    return np.random.default_rng([seed, crc32("/".join(names).encode())])
+    """A generator of its own for each signal; the checksum is the same in every process."""
+    sequence = np.random.SeedSequence([seed, crc32("/".join(names).encode())])
+    return np.random.default_rng(sequence)
 
 
 def _quantised(values: Array, step: float) -> Array:

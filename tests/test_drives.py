@@ -1,0 +1,274 @@
+"""Drives in and out, generated ones, and every mistake a user can make with them."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from lfd_mpc.errors import UserError
+from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, ScalarSample
+from lfd_replay.drive import make_drive, playing_times
+from lfd_replay.drive_bag import sample_message, typestore, write_drive
+from lfd_replay.errors import run_command
+from lfd_replay.evaluate import main_evaluate
+from lfd_replay.generate import PROFILES, SENSORS, Driver, generate_drive, simulate
+from lfd_replay.import_drive import main_import
+from lfd_replay.make_drive import main_make
+from lfd_replay.offline import OfflineGraph
+from lfd_replay.profiles import NODES, graph_settings, parameter_file_text
+from lfd_replay.read_drive import read_drive
+from lfd_replay.score import score, timeline
+
+HEADER = "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2"
+ROWS = ["0.00,30.0,-1.0,15.0,0.1", "0.05,29.9,-1.0,15.0,0.1", "0.10,29.8,-1.0,15.0,0.1"]
+PARAMS = Path(__file__).parent.parent / "ros2_ws/src/lfd_bringup/params"
+
+
+def csv(folder: Path, *rows: str, header: str = HEADER, name: str = "drive.csv") -> Path:
+    path = folder / name
+    path.write_text("\n".join([header, *(rows or ROWS)]) + "\n")
+    return path
+
+
+def test_a_blank_range_is_an_empty_road_and_other_blanks_are_no_sample(tmp_path: Path) -> None:
+    drive = read_drive(csv(tmp_path, "0,30,-1,,0.1", "0.05,,,15,", "0.10,29,,15,0.2"))
+    first, second, third = (s for s in drive.samples if s.input == RADAR)
+    assert (first.has_target, first.clearance) == (True, 30.0)
+    assert not second.has_target
+    assert third.has_target and math.isnan(third.relative_velocity)
+    assert drive.count(HOST_SPEED) == drive.count(ACCELERATION) == 2
+
+
+def test_columns_of_other_names_are_mapped_and_tracks_are_read(tmp_path: Path) -> None:
+    path = csv(tmp_path, "0,30,-1,15,0.1,7", header=HEADER.replace("range_m", "dist") + ",track_id")
+    drive = read_drive(path, {"range_m": "dist"})
+    assert [s.track_id for s in drive.samples if s.input == RADAR] == [7]
+
+
+def test_samples_of_one_stamp_are_played_with_the_acceleration_last(tmp_path: Path) -> None:
+    drive = read_drive(csv(tmp_path))
+    assert [sample.input for sample in drive.samples[:3]] == [RADAR, HOST_SPEED, ACCELERATION]
+
+
+def test_nan_samples_are_accepted_and_warned_of(tmp_path: Path) -> None:
+    drive = read_drive(csv(tmp_path, "0,nan,-1,15,inf", "0.05,29,-1,15,0.1"))
+    assert len(drive.warnings) == 2 and all("count as no sample" in w for w in drive.warnings)
+
+
+def write_bag2(path: Path, samples, plugin: StoragePlugin) -> None:
+    store = typestore()
+    with Writer(path, version=9, storage_plugin=plugin) as writer:
+        connections = {}
+        for sample in samples:
+            topic, msgtype, message = sample_message(sample)
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, msgtype, typestore=store)
+            writer.write(connections[topic], sample.stamp, store.serialize_cdr(message, msgtype))
+
+
+@pytest.mark.parametrize("plugin", list(StoragePlugin))
+def test_bags_of_both_kinds_give_back_every_sample(tmp_path: Path, plugin) -> None:
+    drive = read_drive(csv(tmp_path))
+    write_bag2(tmp_path / "bag", drive.samples, plugin)
+    assert read_drive(tmp_path / "bag").samples == drive.samples
+
+
+def test_a_written_drive_is_one_file_that_gives_back_every_sample(tmp_path: Path) -> None:
+    drive = read_drive(csv(tmp_path))
+    write_drive(drive, tmp_path / "new" / "out.mcap")
+    assert read_drive(tmp_path / "new" / "out.mcap").samples == drive.samples
+    assert [p.name for p in (tmp_path / "new").iterdir()] == ["out.mcap"]
+
+
+def test_a_ros_1_bag_without_the_topics_says_what_it_has(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    message = store.types["std_msgs/msg/String"](data="x")
+    with Writer1(tmp_path / "old.bag") as writer:
+        connection = writer.add_connection("/words", "std_msgs/msg/String", typestore=store)
+        writer.write(connection, 1, store.serialize_ros1(message, "std_msgs/msg/String"))
+    with pytest.raises(UserError, match=r"RadarTarget.*/words"):
+        read_drive(tmp_path / "old.bag")
+
+
+def test_a_looped_recording_is_two_stretches_of_time() -> None:
+    def stretch() -> dict:
+        return {
+            RADAR: [RadarSample(i * 50_000_000, True, 30.0, 0.0) for i in range(100)],
+            ACCELERATION: [ScalarSample(ACCELERATION, i * 10_000_000, 0.0) for i in range(500)],
+        }
+
+    once, again = make_drive("one", stretch()), stretch()
+    streams = stretch()
+    for name, stream in again.items():
+        streams[name] = streams[name] + stream
+    drive = make_drive("two", streams)
+    assert list(drive.samples) == [*once.samples, *once.samples]
+    times = playing_times(drive.samples)
+    assert times == sorted(times) and times[-1] == pytest.approx(2 * 4.99e9)
+    steps = list(OfflineGraph(graph_settings("paper")).run(drive.samples))
+    assert [s.horizon.restart_reason[:14] for s in steps if s.horizon.restart] == [
+        "start",
+        "time went back",
+    ]
+
+
+def test_one_wrong_stamp_moves_nothing_else() -> None:
+    streams = {
+        RADAR: [RadarSample(i * 50_000_000, True, 30.0, 0.0) for i in range(40)],
+        ACCELERATION: [ScalarSample(ACCELERATION, i * 10_000_000, 0.0) for i in range(200)],
+    }
+    wrong = list(streams[RADAR])
+    wrong[20] = RadarSample(90_000_000_000, True, 30.0, 0.0)
+    drive = make_drive("wrong", {**streams, RADAR: wrong})
+    right = [s for s in make_drive("right", streams).samples if s != streams[RADAR][20]]
+    assert [s for s in drive.samples if s.stamp < 90_000_000_000] == right
+    assert playing_times(drive.samples)[-1] == 1_990_000_000
+
+
+MISTAKES = {
+    "no such file": (["nowhere.csv"], "no such file"),
+    "no drive": (["notes.txt"], "is no drive"),
+    "empty": (["empty.csv"], "is empty"),
+    "missing column": (["no_range.csv"], "column 'range_m' is missing"),
+    "text": (["text.csv"], "'fast' is not a number"),
+    "time decreases": (["backward.csv"], "time decreases"),
+    "cut off": (["cut.csv"], "cut off"),
+    "no acceleration": (["no_accel.csv"], "no acceleration sample"),
+    "binary": (["binary.csv"], "not a text file"),
+    "damaged bag": (["damaged.mcap"], "cannot be read as a bag"),
+    "cut bag": (["cut.mcap"], "cannot be read as a bag"),
+    "empty folder": (["folder"], "metadata.yaml"),
+    "unknown kind": (["good.csv", "--fault", "melt:radar@1-2"], "unknown kind 'melt'"),
+    "unknown signal": (["good.csv", "--fault", "zero:lidar@1-2"], "unknown signal 'lidar'"),
+    "no value": (["good.csv", "--fault", "offset:clearance@1-2"], "needs a finite number"),
+    "a value too many": (["good.csv", "--fault", "zero:clearance=1@1-2"], "takes no value"),
+    "a value for the radar": (
+        ["good.csv", "--fault", "gain:radar=2@1-2"],
+        "unknown signal 'radar'",
+    ),
+    "no window": (["good.csv", "--fault", "zero:clearance"], "KIND:SIGNAL"),
+    "ends first": (["good.csv", "--fault", "zero:clearance@2-1"], "start before it ends"),
+    "mapping": (["good.csv", "--map", "range_m"], "NAME=COLUMN"),
+    "mapping of nothing": (["good.csv", "--map", "colour=x"], "no such column of a drive"),
+    "profile": (["good.csv", "--profile", "magic"], "unknown; there are: paper"),
+    "no parameter file": (["good.csv", "--params", "no.yaml"], "no.yaml"),
+    "unknown parameter": (["good.csv", "--params", "typo.yaml"], "preview_tiem"),
+    "refused parameter": (["good.csv", "--params", "refused.yaml"], "preview_time"),
+    "unwritable": (["good.csv", "--json", "good.csv/out.json"], "cannot be written"),
+}
+
+
+@pytest.mark.parametrize("mistake", list(MISTAKES))
+def test_evaluate_ends_a_mistake_with_one_line(mistake, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    csv(tmp_path, name="good.csv")
+    (tmp_path / "notes.txt").write_text("hello")
+    (tmp_path / "empty.csv").write_text("")
+    csv(tmp_path, "0,1,1,1", header=HEADER.replace(",range_m", ""), name="no_range.csv")
+    csv(tmp_path, "0,30,fast,15,0.1", name="text.csv")
+    csv(tmp_path, ROWS[1], ROWS[0], name="backward.csv")
+    (tmp_path / "cut.csv").write_text(HEADER + "\n" + ROWS[0] + "\n0.05,29")
+    csv(tmp_path, "0,30,-1,15,", name="no_accel.csv")
+    (tmp_path / "binary.csv").write_bytes(b"\x00\xff\x00\x01")
+    (tmp_path / "damaged.mcap").write_bytes(b"\x89MCAP0\r\n" + b"x" * 100)
+    write_drive(read_drive(tmp_path / "good.csv"), tmp_path / "whole.mcap")
+    whole = (tmp_path / "whole.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "typo.yaml").write_text("/**/mpc_node: {ros__parameters: {preview_tiem: 1.0}}")
+    (tmp_path / "refused.yaml").write_text("/**/mpc_node: {ros__parameters: {preview_time: -1.0}}")
+    before = sorted(tmp_path.iterdir())
+    arguments, said = MISTAKES[mistake]
+    assert run_command(main_evaluate, arguments) == 2
+    errors = capsys.readouterr().err
+    assert len(errors.strip().splitlines()) == 1 and said in errors
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments", "said"),
+    [
+        (main_import, ["nowhere.csv", "-o", "out.mcap"], "no such file"),
+        (main_import, ["good.csv", "--accel", "two.csv", "-o", "out.mcap"], "which column?"),
+        (main_import, ["good.csv", "--accel", "two.csv:z", "-o", "out.mcap"], "'z' is missing"),
+        (main_import, ["good.csv", "-o", "out.txt"], "must end in .mcap"),
+        (main_make, ["data-9", "-o", "out.mcap"], "there are: data-1"),
+        (main_make, ["data-1", "--sensor", "lidar", "-o", "out.mcap"], "there are: esr"),
+        (main_make, ["data-1", "--seed", "-1", "-o", "out.mcap"], "--seed"),
+    ],
+)
+def test_makers_of_drives_end_a_mistake_with_one_line(
+    command, arguments, said, tmp_path, monkeypatch, capsys
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    csv(tmp_path, name="good.csv")
+    csv(tmp_path, "0,1,2", header="t_s,a,b", name="two.csv")
+    before = sorted(tmp_path.iterdir())
+    assert run_command(command, arguments) == 2
+    errors = capsys.readouterr().err
+    assert len(errors.strip().splitlines()) == 1 and said in errors
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_given_file_replaces_the_column_of_the_first(tmp_path: Path) -> None:
+    csv(tmp_path)
+    csv(tmp_path, "0.01,9.0,1", "0.02,8.0,1", header="t_s,fwd,yaw", name="accel.csv")
+    out = tmp_path / "out.mcap"
+    arguments = [
+        str(tmp_path / "drive.csv"),
+        "--accel",
+        f"{tmp_path}/accel.csv:fwd",
+        "-o",
+        str(out),
+    ]
+    assert run_command(main_import, arguments) == 0
+    drive = read_drive(out)
+    assert [s.value for s in drive.samples if s.input == ACCELERATION] == [9.0, 8.0]
+    assert drive.count(HOST_SPEED) == 3
+
+
+@pytest.mark.parametrize("name", list(PROFILES))
+def test_a_generated_drive_is_the_same_for_the_same_seed(name: str) -> None:
+    one, same, other = (generate_drive(name, seed, "esr") for seed in (1, 1, 2))
+    assert one.samples == same.samples and one.samples != other.samples
+
+
+def test_a_generated_radar_has_the_resolution_noise_and_scans_of_its_sensor() -> None:
+    suite, truth = SENSORS["esr"], simulate(PROFILES["data-1"], Driver())
+    scans = [s for s in generate_drive("data-1", 0, "esr").samples if s.input == RADAR]
+    times = np.array([s.stamp for s in scans]) * 1e-9
+    clearance = np.array([s.clearance for s in scans])
+    velocity = np.array([s.relative_velocity for s in scans])
+    assert np.diff(times).min() >= 0.0439 and np.diff(times).max() <= 0.0581
+    np.testing.assert_allclose(clearance, np.round(clearance * 10) / 10, atol=1e-9)
+    np.testing.assert_allclose(velocity, np.round(velocity * 100) / 100, atol=1e-9)
+    error = clearance - np.interp(times, truth.time, truth.clearance)
+    error = error[np.abs(error) < 1.0]
+    # Rounding adds its own twelfth of a squared step.
+    assert np.std(error) == pytest.approx(math.hypot(0.056, 0.1 / math.sqrt(12)), rel=0.1)
+    error = velocity - np.interp(times, truth.time, truth.relative_velocity)
+    assert np.std(error) == pytest.approx(suite.velocity_noise, rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["data-1", "data-2"])
+def test_normal_generated_driving_raises_no_fault(name: str) -> None:
+    drive = generate_drive(name, 0, "esr")
+    steps = OfflineGraph(graph_settings("paper")).run(drive.samples)
+    sensors = score(timeline((step.outcome.report for step in steps), drive.zero), [])
+    assert {sensor: figures["flagged"] for sensor, figures in sensors.items()} == {
+        "clearance": [],
+        "relative_velocity": [],
+        "radar": [],
+        "acceleration": [],
+    }
+
+
+def test_the_parameter_file_of_the_paper_profile_is_current_and_complete() -> None:
+    text = (PARAMS / "paper.yaml").read_text()
+    assert text == parameter_file_text("paper")
+    assert graph_settings("paper", PARAMS / "paper.yaml") == graph_settings("paper")
+    assert all(f"/**/{node}:" in text for node in NODES)

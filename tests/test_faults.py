@@ -1,0 +1,130 @@
+"""What each fault does to samples, and how it is scored."""
+
+import math
+
+import pytest
+
+from lfd_diagnosis.verdict import State
+from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RadarSample, ScalarSample
+from lfd_replay.faults import FaultInjector, parse_faults, truth_windows
+from lfd_replay.score import SIGNALS, Timeline, score_sensor
+
+ZERO = 5_000_000_000
+
+
+def radar(seconds: float, clearance: float = 30.0, velocity: float = -1.0) -> RadarSample:
+    return RadarSample(ZERO + round(seconds * 1e9), True, clearance, velocity)
+
+
+def accel(seconds: float, value: float = 0.5) -> ScalarSample:
+    return ScalarSample(ACCELERATION, ZERO + round(seconds * 1e9), value)
+
+
+def inject(text: str, samples: list, seed: int = 0) -> list:
+    return FaultInjector(parse_faults([text]), ZERO, seed).apply(samples)
+
+
+def values(text: str, times: list[float], of=None) -> list[float]:
+    of = of or (lambda t: t)
+    return [s.value for s in inject(text, [accel(t, of(t)) for t in times])]
+
+
+@pytest.mark.parametrize(("at", "faulty"), [(0.99, False), (1.0, True), (1.99, True), (2.0, False)])
+def test_start_is_included_and_end_is_not(at: float, faulty: bool) -> None:
+    (sample,) = inject("offset:acceleration=4@1-2", [accel(at)])
+    assert sample.value == (4.5 if faulty else 0.5)
+
+
+def test_offset_of_several_signals_acts_on_each() -> None:
+    (sample,) = inject("offset:clearance=4,relative_velocity=-10@1-2", [radar(1)])
+    assert (sample.clearance, sample.relative_velocity) == (34.0, -11.0)
+
+
+def test_ramp_gain_zero_and_spike() -> None:
+    assert values("ramp:acceleration=2@1-5", [0.5, 1, 2.5], lambda t: 0.0) == [0, 0, 3]
+    assert values("gain:acceleration=-2@1-5", [0.5, 1]) == [0.5, -2]
+    assert values("zero:acceleration@1-5", [0.5, 1]) == [0.5, 0]
+    assert values("spike:acceleration=9@1-4", [1, 1.5, 2.2, 2.3, 3], lambda t: 0.0) == [
+        9,
+        0,
+        9,
+        0,
+        9,
+    ]
+
+
+def test_hold_keeps_the_last_value_before_the_start() -> None:
+    assert values("hold:acceleration@1-2", [0.5, 0.9, 1.0, 1.5, 2.0]) == [0.5, 0.9, 0.9, 0.9, 2.0]
+
+
+def test_delay_gives_the_value_of_an_earlier_sample_with_the_present_stamp() -> None:
+    assert values("delay:acceleration=0.5@1-3", [0, 0.5, 1, 1.4, 2]) == [0, 0.5, 0.5, 0.5, 1.4]
+
+
+def test_noise_depends_on_seed_signal_and_stamp_only() -> None:
+    once = inject("noise:acceleration=1@1-3", [accel(1), accel(2)])
+    again = inject("noise:acceleration=1@1-3", [accel(2)])
+    other = inject("noise:acceleration=1@1-3", [accel(2)], seed=1)
+    assert once[1] == again[0] != other[0]
+    spread = [
+        s.value for s in inject("noise:acceleration=2@0-9", [accel(t / 500) for t in range(4000)])
+    ]
+    mean = sum(spread) / len(spread)
+    deviation = math.sqrt(sum((v - mean) ** 2 for v in spread) / len(spread))
+    assert deviation == pytest.approx(2.0, rel=0.1) and mean == pytest.approx(0.5, abs=0.15)
+
+
+def test_dropout_of_the_radar_is_no_message_and_of_one_signal_is_nan() -> None:
+    assert inject("dropout:radar@1-2", [radar(1)]) == []
+    (sample,) = inject("dropout:clearance@1-2", [radar(1)])
+    assert math.isnan(sample.clearance) and sample.relative_velocity == -1.0
+    assert inject("dropout:acceleration,host_speed@1-2", [accel(1), accel(2)]) == [accel(2)]
+
+
+def test_faults_act_in_the_order_given() -> None:
+    one = inject("offset:acceleration=1@0-9;gain:acceleration=2@0-9", [accel(1)])
+    other = inject("gain:acceleration=2@0-9;offset:acceleration=1@0-9", [accel(1)])
+    assert (one[0].value, other[0].value) == (3.0, 2.0)
+
+
+def test_an_empty_road_stays_empty() -> None:
+    empty = RadarSample(ZERO, False, math.nan, math.nan)
+    (sample,) = inject("zero:radar@0-9", [empty])
+    assert not sample.has_target and math.isnan(sample.clearance)
+
+
+def test_the_radar_is_at_fault_where_either_signal_is() -> None:
+    faults = parse_faults(["zero:clearance@1-3;zero:relative_velocity@2-4", "zero:host_speed@8-9"])
+    assert truth_windows(faults, "radar") == [(1.0, 4.0)]
+    assert truth_windows(faults, "clearance") == [(1.0, 3.0)]
+    assert truth_windows(faults, HOST_SPEED) == [(8.0, 9.0)]
+
+
+def flags(*intervals: tuple[float, float], seconds: float = 10.0) -> Timeline:
+    stamps = [k * 10_000_000 for k in range(round(seconds * 100))]
+    states = [
+        State.FAULT if any(a <= k / 100 < b for a, b in intervals) else State.OK
+        for k in range(len(stamps))
+    ]
+    return Timeline(stamps, {name: states for name in SIGNALS})
+
+
+def test_a_window_is_found_when_a_flag_starts_inside_it() -> None:
+    figures = score_sensor(flags((2.1, 4.2)), "clearance", [(2.0, 4.0)])
+    assert figures["detected"] and figures["delay_s"] == pytest.approx(0.1)
+    assert figures["flagged_fraction"] == pytest.approx(0.95)
+    assert figures["false_events"] == 0
+    assert figures["flagged"] == [[pytest.approx(2.1), pytest.approx(4.2)]]
+
+
+def test_a_flag_that_was_there_before_is_no_finding() -> None:
+    figures = score_sensor(flags((1.0, 3.0)), "clearance", [(2.0, 4.0)])
+    assert figures["detected"] is False and figures["delay_s"] is None
+    assert figures["windows"][0]["already_flagged"]
+
+
+@pytest.mark.parametrize(("start", "false"), [(4.5, 0), (4.99, 0), (5.0, 1), (7.0, 1)])
+def test_a_flag_within_a_second_of_the_end_is_no_false_event(start: float, false: int) -> None:
+    figures = score_sensor(flags((start, start + 0.5)), "clearance", [(2.0, 4.0)])
+    assert figures["false_events"] == false
+    assert figures["false_s"] == pytest.approx(0.5 * false)
