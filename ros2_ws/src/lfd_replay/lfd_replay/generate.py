@@ -103,7 +103,7 @@ _CALM = _waves((0.5, 38.0, 0.3), (0.25, 17.0, 2.0), (0.1, 7.0, 4.0))
 
 PROFILES = {
     "data-1": Profile(80.0, 14.0, _waves((0.6, 31.0, 0.0), (0.3, 13.0, 1.0), (0.12, 6.0, 2.5))),
-    "data-2": Profile(80.0, 19.0, _waves((0.7, 43.0, 1.2), (0.3, 19.0, 3.0), (0.1, 8.0, 0.5))),
+    "data-2": Profile(80.0, 14.0, _waves((0.7, 43.0, 5.5), (0.3, 19.0, 1.1), (0.1, 8.0, 1.7))),
     "data-3": Profile(80.0, 18.0, _with_braking(_CALM, start=20.0, peak=-2.5)),
 }
 """Lead profiles: two of normal car following, and one with abrupt braking at 20 s."""

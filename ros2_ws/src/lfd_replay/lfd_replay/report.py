@@ -189,6 +189,8 @@ def _figure(steps: Sequence[RecordedStep], zero: int, faults: list[Fault]) -> go
 
 
 def _line(figure: go.Figure, row: int, x: Array, y: Array, name: str, **style) -> None:
+    # Half the page's size, and still far finer than a pixel.
+    x, y = x.astype(np.float32), y.astype(np.float32)
     legend = style.pop("legend", True)
     line = {"color": style.pop("colour"), "width": style.pop("width", 1.3), **style}
     figure.add_trace(
@@ -232,7 +234,8 @@ def _add_acceleration(figure: go.Figure, time: Array, steps: Sequence[RecordedSt
         x = np.array([t for t, _ in with_bank])
         for side in ("upper", "lower"):
             limits = np.array([getattr(bank, f"acceleration_{side}") for _, bank in with_bank])
-            for observer, lag in enumerate(with_bank[0][1].lags):
+            # Lag 0 last, so that it lies on top.
+            for observer, lag in reversed(list(enumerate(with_bank[0][1].lags))):
                 first = observer == 0
                 _line(
                     figure,
