@@ -3,7 +3,6 @@
 ros2 launch lfd_bringup replay.launch.py drive:=PATH fault:='offset:acceleration=4@20-35' rate:=1.0
 """
 
-import shlex
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
@@ -20,7 +19,7 @@ from launch.events import Shutdown
 from launch_ros.actions import Node
 
 ARGUMENTS = {
-    "drive": ("", "path of a drive: CSV file or bag"),
+    "drive": (None, "path of a drive: CSV file or bag"),
     "fault": ("", "fault texts, several separated by ;"),
     "rate": ("1.0", "x real time; 0 = lockstep"),
     "profile": ("paper", "parameter profile"),
@@ -51,7 +50,7 @@ def start(context):
     player = Node(
         package="lfd_replay",
         executable="bag_player",
-        arguments=[shlex.quote(word) if " " in word else word for word in arguments],
+        arguments=arguments,
         output="screen",
     )
     end = RegisterEventHandler(
@@ -64,10 +63,6 @@ def generate_launch_description():
     """Entry point of `ros2 launch`."""
     declared = [
         DeclareLaunchArgument(name, default_value=default, description=text)
-        if default
-        else DeclareLaunchArgument(name, description=text)
-        if name == "drive"
-        else DeclareLaunchArgument(name, default_value="", description=text)
         for name, (default, text) in ARGUMENTS.items()
     ]
     local = SetEnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

@@ -1,0 +1,126 @@
+"""The player: what is played when, pauses, loops, and what lockstep notices."""
+
+import runpy
+from dataclasses import replace
+from math import inf
+from pathlib import Path
+
+import pytest
+from std_srvs.srv import Trigger
+from test_live_equals_offline import drive
+
+from lfd_mpc.errors import UserError
+from lfd_mpc.horizon import Mpc
+from lfd_mpc.sampling import Sampler
+from lfd_mpc.settings import MpcSettings
+from lfd_replay.drive import Drive
+from lfd_replay.player import (
+    LockstepError,
+    PlayerNode,
+    PlayOptions,
+    horizon_difference,
+    samples_to_play,
+)
+from ros_support import Graph
+
+LAUNCH = Path(__file__).parent.parent / "ros2_ws/src/lfd_bringup/launch/replay.launch.py"
+
+
+def make_drive() -> Drive:
+    return Drive("short", drive(3.0))
+
+
+def test_only_the_chosen_stretch_is_played() -> None:
+    samples = samples_to_play(make_drive(), [], PlayOptions(start=1.0, duration=0.5))
+    assert min(s.stamp for s in samples) == 1_000_000_000
+    assert max(s.stamp for s in samples) < 1_500_000_000
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        (PlayOptions(rate=-1.0), "--rate"),
+        (PlayOptions(rate=inf), "--rate"),
+        (PlayOptions(start=3.1), "--start"),
+        (PlayOptions(duration=0.0), "--duration"),
+    ],
+)
+def test_options_that_cannot_be_played_are_refused(options: PlayOptions, named: str) -> None:
+    with pytest.raises(UserError, match=named):
+        options.check(make_drive())
+
+
+def pump_until(graph: Graph, player: PlayerNode, reached, what: str) -> None:
+    def step() -> bool:
+        graph.executor.spin_once(timeout_sec=min(player.pump(), 0.02))
+        return reached()
+
+    graph.spin_until(step, what)
+
+
+def call(graph: Graph, player: PlayerNode, service: str) -> Trigger.Response:
+    client = player.create_client(Trigger, f"bag_player/{service}")
+    graph.spin_until(client.service_is_ready, "the service is there")
+    future = client.call_async(Trigger.Request())
+    graph.spin_until(future.done, "the service answers")
+    return future.result()
+
+
+def test_a_pause_holds_the_drive_and_resuming_goes_on() -> None:
+    with Graph() as graph:
+        player = graph.add(PlayerNode(drive(3.0), PlayOptions(), [], graph.context))
+        pump_until(graph, player, lambda: player.played > 0.2, "some of it is played")
+        assert call(graph, player, "pause").success
+        assert not call(graph, player, "pause").success
+        held = player.played
+        for _ in range(20):
+            player.pump()
+            graph.executor.spin_once(timeout_sec=0.02)
+        assert player.played == held
+        assert call(graph, player, "resume").success
+        pump_until(graph, player, lambda: player.played > held + 0.2, "it goes on")
+        assert player.played < held + 1.0
+
+
+def test_a_loop_begins_again() -> None:
+    with Graph() as graph:
+        options = PlayOptions(rate=20.0, loop=True)
+        player = graph.add(PlayerNode(drive(1.0), options, [], graph.context))
+        pump_until(graph, player, lambda: player.played > 0.8, "nearly all is played")
+        pump_until(graph, player, lambda: player.played < 0.5, "it has begun again")
+        assert not player.done
+
+
+def test_lockstep_notices_a_sample_that_was_not_used() -> None:
+    samples = drive(1.0)
+    mpc, sampler = Mpc(MpcSettings()), Sampler()
+    steps = [
+        (step, horizon)
+        for sample in samples
+        for step, horizon in zip(sampler.push(sample), mpc.push(sample), strict=True)
+    ]
+    assert not any(horizon_difference(step, horizon) for step, horizon in steps)
+    step, horizon = steps[30]
+    assert "clearance value" in horizon_difference(step, replace(horizon, measured_clearance=1.0))
+    assert "answered for" in horizon_difference(step, replace(horizon, stamp=0))
+
+
+def test_lockstep_without_an_answer_is_an_error_that_says_what_is_owed(monkeypatch) -> None:
+    monkeypatch.setattr("lfd_replay.player.STEP_DEADLINE", 0.2)
+    with Graph() as graph:
+        player = graph.add(PlayerNode(drive(1.0), PlayOptions(rate=0.0), [], graph.context))
+        with pytest.raises(LockstepError, match="mpc/received"):
+            pump_until(graph, player, lambda: player.done, "never")
+
+
+def test_nodes_that_do_not_come_are_named(monkeypatch) -> None:
+    monkeypatch.setattr("lfd_replay.player.READY_DEADLINE", 0.2)
+    with Graph() as graph:
+        player = graph.add(PlayerNode(drive(1.0), PlayOptions(), ["mpc_node"], graph.context))
+        with pytest.raises(UserError, match="mpc_node to be ready"):
+            pump_until(graph, player, lambda: player.done, "never")
+
+
+def test_the_launch_file_describes_the_graph() -> None:
+    pytest.importorskip("launch_ros", reason="launch_ros is not installed: not checked here")
+    assert runpy.run_path(str(LAUNCH))["generate_launch_description"]().entities
