@@ -6,7 +6,7 @@ import pytest
 import rclpy
 from geometry_msgs.msg import AccelStamped
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import ReliabilityPolicy, qos_profile_sensor_data
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
@@ -24,7 +24,7 @@ from lfd_msgs.msg import (
     SignalFault,
 )
 from lfd_observer.observer_node import ObserverNode
-from ros_support import Graph
+from ros_support import REPLAY_ARGUMENTS, Graph
 
 N = 20
 STEP = 10_000_000
@@ -108,6 +108,16 @@ def test_horizon_carries_inputs_solution_and_counts(graph: Graph) -> None:
     graph.spin_until(lambda: len(rig.commands.messages) == 3, "three commands")
     assert rig.commands.messages[-1].accel.linear.x == horizon.command
     assert rig.horizons.messages[0].restart_reason == "start"
+
+
+def test_a_reliable_controller_leaves_the_next_one_best_effort(graph: Graph) -> None:
+    first = MpcNode(context=graph.context, cli_args=REPLAY_ARGUMENTS)
+    first.destroy_node()
+    graph.add(MpcNode(context=graph.context))
+    rig = SensorRig(graph)
+    rig.wait_for_subscribers()
+    (info,) = rig.node.get_subscriptions_info_by_topic("radar/target")
+    assert info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
 
 
 def test_nothing_that_a_sensor_says_ends_the_controller(graph: Graph) -> None:

@@ -36,8 +36,13 @@ from lfd_mpc.sampling import (
 from lfd_mpc.settings import MpcSettings
 from lfd_msgs.msg import PredictionHorizon, RadarTarget
 
-SENSOR_QOS = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Best effort hears every kind of sensor driver; deep, since a late step needs its samples."""
+
+def sensor_qos() -> QoSProfile:
+    """Best effort hears every kind of sensor driver; deep, since a late step needs its samples.
+
+    A new object each time: an override by parameter changes the object itself.
+    """
+    return QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def _acceleration(message: Imu) -> Sample:
@@ -86,7 +91,7 @@ class MpcNode(Node):
                 kind,
                 topic,
                 partial(self._on_sample, input_name),
-                SENSOR_QOS,
+                sensor_qos(),
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             )
             for input_name, (kind, topic, _) in INPUT_TOPICS.items()
