@@ -3,7 +3,6 @@
 import math
 from pathlib import Path
 
-import numpy as np
 import pytest
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -15,13 +14,11 @@ from lfd_replay.drive import make_drive, playing_times
 from lfd_replay.drive_bag import sample_message, typestore, write_drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
-from lfd_replay.generate import PROFILES, SENSORS, Driver, generate_drive, simulate
 from lfd_replay.import_drive import main_import
 from lfd_replay.make_drive import main_make
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import NODES, graph_settings, parameter_file_text
 from lfd_replay.read_drive import read_drive
-from lfd_replay.score import score, timeline
 
 HEADER = "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2"
 ROWS = ["0.00,30.0,-1.0,15.0,0.1", "0.05,29.9,-1.0,15.0,0.1", "0.10,29.8,-1.0,15.0,0.1"]
@@ -196,6 +193,7 @@ def test_evaluate_ends_a_mistake_with_one_line(mistake, tmp_path, monkeypatch, c
         (main_import, ["good.csv", "--accel", "two.csv", "-o", "out.mcap"], "which column?"),
         (main_import, ["good.csv", "--accel", "two.csv:z", "-o", "out.mcap"], "'z' is missing"),
         (main_import, ["good.csv", "-o", "out.txt"], "must end in .mcap"),
+        (main_import, ["good.csv", "-o", "good.csv/out.mcap"], "cannot be written"),
         (main_make, ["data-9", "-o", "out.mcap"], "there are: data-1"),
         (main_make, ["data-1", "--sensor", "lidar", "-o", "out.mcap"], "there are: esr"),
         (main_make, ["data-1", "--seed", "-1", "-o", "out.mcap"], "--seed"),
@@ -229,42 +227,6 @@ def test_a_given_file_replaces_the_column_of_the_first(tmp_path: Path) -> None:
     drive = read_drive(out)
     assert [s.value for s in drive.samples if s.input == ACCELERATION] == [9.0, 8.0]
     assert drive.count(HOST_SPEED) == 3
-
-
-@pytest.mark.parametrize("name", list(PROFILES))
-def test_a_generated_drive_is_the_same_for_the_same_seed(name: str) -> None:
-    one, same, other = (generate_drive(name, seed, "esr") for seed in (1, 1, 2))
-    assert one.samples == same.samples and one.samples != other.samples
-
-
-def test_a_generated_radar_has_the_resolution_noise_and_scans_of_its_sensor() -> None:
-    suite, truth = SENSORS["esr"], simulate(PROFILES["data-1"], Driver())
-    scans = [s for s in generate_drive("data-1", 0, "esr").samples if s.input == RADAR]
-    times = np.array([s.stamp for s in scans]) * 1e-9
-    clearance = np.array([s.clearance for s in scans])
-    velocity = np.array([s.relative_velocity for s in scans])
-    assert np.diff(times).min() >= 0.0439 and np.diff(times).max() <= 0.0581
-    np.testing.assert_allclose(clearance, np.round(clearance * 10) / 10, atol=1e-9)
-    np.testing.assert_allclose(velocity, np.round(velocity * 100) / 100, atol=1e-9)
-    error = clearance - np.interp(times, truth.time, truth.clearance)
-    error = error[np.abs(error) < 1.0]
-    # Rounding adds its own twelfth of a squared step.
-    assert np.std(error) == pytest.approx(math.hypot(0.056, 0.1 / math.sqrt(12)), rel=0.1)
-    error = velocity - np.interp(times, truth.time, truth.relative_velocity)
-    assert np.std(error) == pytest.approx(suite.velocity_noise, rel=0.1)
-
-
-@pytest.mark.parametrize("name", ["data-1", "data-2"])
-def test_normal_generated_driving_raises_no_fault(name: str) -> None:
-    drive = generate_drive(name, 0, "esr")
-    steps = OfflineGraph(graph_settings("paper")).run(drive.samples)
-    sensors = score(timeline((step.outcome.report for step in steps), drive.zero), [])
-    assert {sensor: figures["flagged"] for sensor, figures in sensors.items()} == {
-        "clearance": [],
-        "relative_velocity": [],
-        "radar": [],
-        "acceleration": [],
-    }
 
 
 def test_the_parameter_file_of_the_paper_profile_is_current_and_complete() -> None:

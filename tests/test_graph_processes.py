@@ -132,6 +132,7 @@ def test_replay_leaves_bag_report_and_timeline(drive_file: Path, tmp_path: Path)
         (["lfd_replay", "bag_player", "{drive}", "--fault", "melt:radar@1-2"], "melt"),
         (["lfd_bringup", "replay", "--drive", "nowhere.csv"], "nowhere.csv"),
         (["lfd_bringup", "replay", "--profile", "magic"], "magic"),
+        (["lfd_bringup", "replay", "--drive", "{drive}", "--out", "{drive}/x"], "cannot be made"),
         (["lfd_bringup", "replay", "--drive", "{drive}", "--fault", "offset:radar=1@1-2"], "radar"),
         (["lfd_mpc", "mpc_node", "--ros-args", "-p", "solver:=magic"], "magic"),
         (["lfd_mpc", "mpc_nod"], "mpc_node"),

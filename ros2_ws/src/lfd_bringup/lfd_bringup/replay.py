@@ -68,10 +68,9 @@ def graph_nodes(profile: str) -> list[Node]:
 
 
 def default_drive(out: Path) -> Path:
-    """A generated drive, made once, so that nothing from outside is needed."""
+    """A generated drive, so that nothing from outside is needed."""
     path = out / f"{DEFAULT_DRIVE}.mcap"
-    if not path.is_file():
-        write_drive(generate_drive(DEFAULT_DRIVE, seed=0, sensor="esr"), path)
+    write_drive(generate_drive(DEFAULT_DRIVE, seed=0, sensor="esr"), path)
     return path
 
 
@@ -103,6 +102,11 @@ def main_replay(arguments: list[str]) -> int:
     samples = samples_to_play(drive, faults, playing)
     if not samples:
         raise UserError(f"{path}: no sample between --start and --start + --duration")
+
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out {options.out}: cannot be made ({error.strerror})") from error
 
     console = Console(soft_wrap=True)
     console.print(f"replay of {drive.name}: {drive.duration:.1f} s, profile {options.profile}")
@@ -150,7 +154,6 @@ def _leave(
     """Bag, report and summary."""
     steps = recorder.steps()
     sensors = score(timeline((step.report for step in steps), drive.zero), faults)
-    out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as folder:
         bag = Path(folder) / "bag"
         recorder.write(bag)

@@ -148,18 +148,22 @@ def sample_message(sample: Sample) -> tuple[str, str, Any]:
 
 
 def write_drive(drive: Drive, out: Path) -> None:
-    """Write a drive as one MCAP file; log time is the stamp. Nothing half-written is left."""
+    """Write a drive as one MCAP file; log time is the stamp. Nothing half-written is left.
+
+    Raises UserError for a name that is not `.mcap` and where nothing can be written.
+    """
     if out.suffix != ".mcap":
         raise UserError(f"{out}: a drive is written as MCAP; the name must end in .mcap")
     rows = ((sample.stamp, *sample_message(sample)) for sample in drive.samples)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=out.parent, prefix=".writing-") as folder:
-        bag = Path(folder) / "bag"
-        write_bag(rows, bag)
-        (written,) = bag.glob("*.mcap")
-        if out.is_dir():
-            raise UserError(f"{out}: is a folder; the name of a file is expected")
-        written.replace(out)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=out.parent, prefix=".writing-") as folder:
+            bag = Path(folder) / "bag"
+            write_bag(rows, bag)
+            (written,) = bag.glob("*.mcap")
+            written.replace(out)
+    except OSError as error:
+        raise UserError(f"{out}: cannot be written ({error.strerror or error})") from error
 
 
 def write_bag(rows: Iterable[tuple[int, str, str, Any]], folder: Path) -> None:

@@ -22,10 +22,7 @@ def main_make(arguments: list[str]) -> int:
     if options.seed < 0:
         raise UserError(f"--seed {options.seed}: a whole number of 0 or more is expected")
     drive = generate_drive(options.name, options.seed, options.sensor)
-    try:
-        write_drive(drive, options.out)
-    except OSError as error:
-        raise UserError(f"{options.out}: cannot be written ({error.strerror or error})") from error
+    write_drive(drive, options.out)
     print(f"{options.out}: {drive.duration:.1f} s, {len(drive.samples)} samples")
     return 0
 
