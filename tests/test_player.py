@@ -121,6 +121,17 @@ def test_nodes_that_do_not_come_are_named(monkeypatch) -> None:
             pump_until(graph, player, lambda: player.done, "never")
 
 
+def test_a_second_player_in_the_same_domain_is_refused() -> None:
+    with Graph() as graph:
+        first = graph.add(PlayerNode(drive(1.0), PlayOptions(), [], graph.context))
+        second = graph.add(PlayerNode(drive(1.0), PlayOptions(), [], graph.context))
+        graph.spin_until(
+            lambda: second.count_publishers("radar/target") == 2, "they see each other"
+        )
+        with pytest.raises(UserError, match="radar/target.*ROS_DOMAIN_ID"):
+            pump_until(graph, first, lambda: first.done, "never")
+
+
 def test_the_launch_file_describes_the_graph() -> None:
     pytest.importorskip("launch_ros", reason="launch_ros is not installed: not checked here")
     assert runpy.run_path(str(LAUNCH))["generate_launch_description"]().entities

@@ -113,13 +113,15 @@ def main_replay(arguments: list[str]) -> int:
     for fault in faults:
         console.print(f"  injected: {fault.text}", markup=False, highlight=False)
     rclpy.init(args=arguments)
+    executor = make_executor()
+    nodes: list[Node] = []
     try:
         recorder = RecorderNode(
             lambda event: console.print(event_line(event, drive.zero), highlight=False)
         )
         player = PlayerNode(samples, playing, [*GRAPH_NODES, "recorder"])
-        executor = make_executor()
-        for node in [*graph_nodes(options.profile), recorder, player]:
+        nodes += [*graph_nodes(options.profile), recorder, player]
+        for node in nodes:
             executor.add_node(node)
         started = time.monotonic()
         play(player, executor, console)
@@ -135,6 +137,9 @@ def main_replay(arguments: list[str]) -> int:
     except ExternalShutdownException:
         return 0
     finally:
+        executor.shutdown()
+        for node in nodes:
+            node.destroy_node()
         rclpy.try_shutdown()
     return 0
 

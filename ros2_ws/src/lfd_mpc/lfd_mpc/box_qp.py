@@ -82,19 +82,20 @@ class BoxQp:
         return float(np.abs(u - np.clip(u - gradient, self._lower, self._upper)).max())
 
     def _by_proxqp(self) -> Callable[[Array], Array | None]:
-        n = len(self._lower)
+        lower, upper = self._lower, self._upper
+        n = len(lower)
         qp = proxsuite.proxqp.dense.QP(n, 0, 0, True)
         qp.settings.eps_abs = 1e-11
         qp.settings.eps_rel = 0.0
         # Warm starts of 0.8.0 report "solved" for wrong answers; a cold start does not.
         qp.settings.initial_guess = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
-        qp.init(self._P, np.zeros(n), None, None, None, None, None, self._lower, self._upper)
+        qp.init(self._P, np.zeros(n), None, None, None, None, None, lower, upper)
 
         def solve(f: Array) -> Array | None:
             # The limits must be given again: an update without them drops them.
-            qp.update(g=f, l_box=self._lower, u_box=self._upper, update_preconditioner=False)
+            qp.update(g=f, l_box=lower, u_box=upper, update_preconditioner=False)
             qp.solve()
-            return np.clip(qp.results.x, self._lower, self._upper)
+            return np.clip(qp.results.x, lower, upper)
 
         return solve
 

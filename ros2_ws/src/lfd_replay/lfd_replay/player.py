@@ -48,6 +48,9 @@ STEP_DEADLINE = 10.0
 READY_DEADLINE = 30.0
 """Seconds of wall time that the nodes have to become ready."""
 
+SETTLE = 0.5
+"""Seconds after which other graphs in the same domain have been discovered."""
+
 HEARTBEAT = 0.1
 """Seconds between repeated /clock messages while nothing moves: a pause is no silence."""
 
@@ -185,6 +188,9 @@ class PlayerNode(Node):
                 )
             return HEARTBEAT
         if self._started is None:
+            if now - self._created < SETTLE:
+                return SETTLE - (now - self._created)
+            self._check_alone()
             if self.lockstep:
                 self._check_reliable()
             self._started = now
@@ -275,6 +281,15 @@ class PlayerNode(Node):
     def _on_ready(self, message: String) -> None:
         self._missing.discard(message.data.rsplit("/", 1)[-1])
 
+    def _check_alone(self) -> None:
+        """Two graphs in one domain would mix. Raises UserError where another one is there."""
+        for topic in ("radar/target", "vehicle/imu", "mpc/horizon"):
+            if self.count_publishers(self.resolve_topic_name(topic)) > 1:
+                raise UserError(
+                    f"something else publishes {topic} here: another replay, graph or car? "
+                    "end it, or set another ROS_DOMAIN_ID"
+                )
+
     def _check_reliable(self) -> None:
         """Lockstep must not lose a sample. Raises UserError where one could be lost."""
         for publisher in (self._radar, self._imu, self._twist):
@@ -289,7 +304,10 @@ class PlayerNode(Node):
 
     def _on_horizon(self, message: PredictionHorizon) -> None:
         if not self._expected:
-            self._fail(f"an unexpected step at {message.header.stamp.sec} s")
+            self._fail(
+                f"a step at {message.header.stamp.sec} s that no sample released: "
+                "is another graph running in this ROS_DOMAIN_ID?"
+            )
             return
         expected = self._expected.popleft()
         difference = horizon_difference(expected, from_message(Horizon, message))
