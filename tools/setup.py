@@ -144,13 +144,12 @@ def build_workspace(environment_is_new: bool) -> None:
         if path.is_file() and "__pycache__" not in path.parts and ".egg-info" not in str(path)
     )
     built = {".msg", ".xml", ".cfg", ".txt", ".srv"}
-    parts = [b"new" if environment_is_new else b""]
-    parts += [(VENV / "environment.stamp").read_bytes()]
+    parts = [(VENV / "environment.stamp").read_bytes()]
     for path in sources:
         parts.append(os.fsencode(path))
         if path.suffix in built or path.name == "setup.py":
             parts.append(path.read_bytes())
-    file, digest = stamp("workspace", parts[1:])
+    file, digest = stamp("workspace", parts)
     installed = WORKSPACE / "install" / "local_setup.bash"
     if not environment_is_new and installed.is_file() and not needed(file, digest):
         return

@@ -17,7 +17,7 @@ from lfd_replay.offline import GraphStep, OfflineGraph
 from lfd_replay.profiles import PROFILES, graph_settings
 from lfd_replay.read_drive import parse_mapping, read_drive
 from lfd_replay.report import RecordedStep, write_report
-from lfd_replay.score import score, timeline
+from lfd_replay.score import SUMMARY_COLUMNS, score, summary_rows, timeline
 from lfd_replay.text_file import write_text
 
 
@@ -55,22 +55,9 @@ def warn(drive: Drive, faults: list[Fault]) -> None:
 
 def result_table(sensors: dict[str, dict], title: str) -> Table:
     """The verdict per sensor as people read it."""
-    table = Table(title=title, title_justify="left")
-    for column in ("sensor", "injected", "found", "delay", "flagged", "false events", "ready"):
-        table.add_column(column)
-    for name, figures in sensors.items():
-        injected = ", ".join(f"{start:g}-{end:g} s" for start, end in figures["truth"])
-        found = sum(window["found"] for window in figures["windows"])
-        delay, flagged = figures["delay_s"], figures["flagged_fraction"]
-        table.add_row(
-            name,
-            injected or "-",
-            f"{found} of {len(figures['windows'])}" if injected else "-",
-            "-" if delay is None else f"{delay * 1000:.0f} ms",
-            "-" if flagged is None else f"{flagged:.1%}",
-            f"{figures['false_events']} ({figures['false_s']:.2f} s)",
-            f"{figures['ready_fraction']:.1%}",
-        )
+    table = Table(*SUMMARY_COLUMNS, title=title, title_justify="left")
+    for row in summary_rows(sensors):
+        table.add_row(*row)
     return table
 
 

@@ -16,7 +16,7 @@ from lfd_mpc.horizon import Horizon
 from lfd_observer.bank import BankState
 from lfd_replay.faults import SIGNALS as FAULT_SIGNALS
 from lfd_replay.faults import Fault, truth_windows
-from lfd_replay.score import intervals
+from lfd_replay.score import SUMMARY_COLUMNS, intervals, summary_rows
 from lfd_replay.text_file import write_text
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ def write_report(
     if steps:
         figure = _figure(steps, zero, faults)
         body += [
-            _summary(sensors),
+            _table(SUMMARY_COLUMNS, summary_rows(sensors)),
             figure.to_html(full_html=False, include_plotlyjs=True, config={"responsive": True}),
             _changes(steps, zero),
         ]
@@ -109,26 +109,6 @@ def _table(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     head = "".join(f"<th>{html.escape(cell)}</th>" for cell in header)
     body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
     return f"<table><tr>{head}</tr>{body}</table>"
-
-
-def _summary(sensors: dict[str, dict]) -> str:
-    rows = []
-    for name, figures in sensors.items():
-        windows = figures["windows"]
-        delay, flagged = figures["delay_s"], figures["flagged_fraction"]
-        rows.append(
-            (
-                name,
-                ", ".join(f"{start:g} to {end:g} s" for start, end in figures["truth"]) or "–",
-                f"{sum(w['found'] for w in windows)} of {len(windows)}" if windows else "–",
-                "–" if delay is None else f"{delay * 1000:.0f} ms",
-                "–" if flagged is None else f"{flagged:.1%}",
-                f"{figures['false_events']} ({figures['false_s']:.2f} s)",
-                f"{figures['ready_fraction']:.1%}",
-            )
-        )
-    header = ("sensor", "injected", "found", "delay", "flagged", "false events", "ready")
-    return _table(header, rows)
 
 
 def _changes(steps: Sequence[RecordedStep], zero: int) -> str:

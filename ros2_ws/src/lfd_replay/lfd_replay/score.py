@@ -100,5 +100,28 @@ def score(line: Timeline, faults: list[Fault]) -> dict[str, dict]:
     return {name: score_sensor(line, name, truth_windows(faults, name)) for name in SIGNALS}
 
 
+SUMMARY_COLUMNS = ("sensor", "injected", "found", "delay", "flagged", "false events", "ready")
+
+
+def summary_rows(sensors: dict[str, dict]) -> list[tuple[str, ...]]:
+    """The figures of `score` as people read them, one row of `SUMMARY_COLUMNS` per sensor."""
+    rows = []
+    for name, figures in sensors.items():
+        windows = figures["windows"]
+        delay, flagged = figures["delay_s"], figures["flagged_fraction"]
+        rows.append(
+            (
+                name,
+                ", ".join(f"{start:g}-{end:g} s" for start, end in figures["truth"]) or "-",
+                f"{sum(w['found'] for w in windows)} of {len(windows)}" if windows else "-",
+                "-" if delay is None else f"{delay * 1000:.0f} ms",
+                "-" if flagged is None else f"{flagged:.1%}",
+                f"{figures['false_events']} ({figures['false_s']:.2f} s)",
+                f"{figures['ready_fraction']:.1%}",
+            )
+        )
+    return rows
+
+
 def _round(value: float) -> float:
     return round(value, 6)
