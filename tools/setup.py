@@ -4,6 +4,8 @@ Needs nothing but Python 3.10 to 3.13 with venv and headers, and a C/C++ compile
 already is skipped: each step leaves a stamp made of all that it depends on.
 """
 
+from __future__ import annotations
+
 import hashlib
 import os
 import shutil

@@ -122,6 +122,10 @@ def make_executor(context: Context | None = None) -> Executor:
 
 def run_node(make: Callable[[], Node], args: list[str] | None = None) -> int:
     """Spin one node until it is told to stop; returns the exit status."""
+    if {"-h", "--help"} & set(sys.argv[1:] if args is None else args):
+        print(sys.modules[make.__module__].__doc__)
+        print("Options are ROS arguments: --ros-args -p NAME:=VALUE --params-file FILE -r FROM:=TO")
+        return 0
     rclpy.init(args=args)
     node = None
     try:
