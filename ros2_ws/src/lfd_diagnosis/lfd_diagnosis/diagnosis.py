@@ -1,6 +1,6 @@
 """The diagnosis without ROS: one horizon and its bank in, one report out."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import hypot, isnan, nan
 
 import numpy as np
@@ -77,7 +77,7 @@ class Diagnosis:
             {
                 "clearance": clearance,
                 "relative_velocity": relative_velocity,
-                "radar": _radar(clearance, relative_velocity),
+                "radar": self._radar(horizon.stamp, clearance, relative_velocity),
                 "acceleration": acceleration,
             },
         )
@@ -86,17 +86,17 @@ class Diagnosis:
     def silence(self, stamp: int) -> tuple[Report, list[Event]]:
         """Nothing arrives at all: the report (of no step) that says so at `stamp` (ns)."""
         nothing = {
-            name: self._verdict(name, State.NO_DATA, nan, "nothing arrives at all")
+            name: self._verdict(stamp, name, State.NO_DATA, nan, "nothing arrives at all")
             for name in self._confidence
         }
-        radar = _radar(nothing["clearance"], nothing["relative_velocity"])
+        radar = self._radar(stamp, nothing["clearance"], nothing["relative_velocity"])
         return self._publish(stamp, 0, {**nothing, "radar": radar})
 
     def _judge_radar(
         self, horizon: Horizon, predicted: Predicted
     ) -> tuple[SignalVerdict, SignalVerdict]:
-        measured = np.array([horizon.clearance, horizon.relative_velocity])
-        disagree = self._limits.outside(measured, predicted.states).sum(axis=0)
+        measured = (horizon.clearance, horizon.relative_velocity)
+        disagree = np.add.reduce(self._limits.outside(np.array(measured), predicted.states))
         rows = (
             ("clearance", "m", horizon.clearance_stale, horizon.clearance_age),
             (
@@ -108,7 +108,9 @@ class Diagnosis:
         )
         verdicts = []
         n = self._settings.prediction_steps
-        for (name, unit, stale, age), value, count in zip(rows, measured, disagree, strict=True):
+        for (name, unit, stale, age), value, count in zip(
+            rows, measured, disagree.tolist(), strict=True
+        ):
             index = nan
             if stale:
                 state, reason = State.NO_DATA, _silent(age)
@@ -117,9 +119,9 @@ class Diagnosis:
             elif not predicted.complete:
                 state, reason = State.NOT_READY, self._filling()
             else:
-                state, index = None, float(count) / n
+                state, index = None, count / n
                 reason = f"{count} of {n} predictions disagree with {value:.2f} {unit}"
-            verdicts.append(self._verdict(name, state, index, reason))
+            verdicts.append(self._verdict(horizon.stamp, name, state, index, reason))
         return verdicts[0], verdicts[1]
 
     def _judge_acceleration(self, horizon: Horizon, bank: BankState | None) -> SignalVerdict:
@@ -138,13 +140,15 @@ class Diagnosis:
                 f"{count} of {observers} observers exclude {horizon.acceleration:.2f} m/s^2 "
                 f"(first one's limits {lower:.2f} to {upper:.2f})"
             )
-        return self._verdict("acceleration", state, index, reason)
+        return self._verdict(horizon.stamp, "acceleration", state, index, reason)
 
     def _filling(self) -> str:
         because = f" after: {self._anew_because}" if self._anew_because else ""
         return f"{self._stored} of {self._settings.prediction_steps} predictions stored{because}"
 
-    def _verdict(self, name: str, state: State | None, index: float, reason: str) -> SignalVerdict:
+    def _verdict(
+        self, stamp: int, name: str, state: State | None, index: float, reason: str
+    ) -> SignalVerdict:
         """The verdict on one signal; a state of None is decided by confidence (eq 26)."""
         confidence = self._confidence[name]
         confidence.step(index)
@@ -159,24 +163,45 @@ class Diagnosis:
             threshold=confidence.index_threshold,
             confidence=confidence.value,
             confidence_threshold=confidence.fault_threshold,
-            since=0,
+            since=self._since(stamp, name, state),
             reason=reason,
         )
+
+    def _radar(
+        self, stamp: int, clearance: SignalVerdict, relative_velocity: SignalVerdict
+    ) -> SignalVerdict:
+        """The radar is as bad as the worse of its two signals."""
+        label, worse = min(
+            (("clearance", clearance), ("relative velocity", relative_velocity)),
+            key=lambda pair: (_WORST_FIRST.index(pair[1].state), -pair[1].confidence),
+        )
+        return SignalVerdict(
+            state=worse.state,
+            index=worse.index,
+            threshold=worse.threshold,
+            confidence=worse.confidence,
+            confidence_threshold=worse.confidence_threshold,
+            since=self._since(stamp, "radar", worse.state),
+            reason=f"{label}: {worse.reason}",
+        )
+
+    def _since(self, stamp: int, name: str, state: State) -> int:
+        """Since when a signal has been in a state (ns), that of now included."""
+        before = self._published.get(name)
+        return stamp if before is None or before.state != state else before.since
 
     def _publish(
         self, stamp: int, step: int, verdicts: dict[str, SignalVerdict]
     ) -> tuple[Report, list[Event]]:
-        """Date the states and note which of them changed."""
+        """Note which states have changed."""
         events = []
         for name in SIGNALS:
-            before = self._published.get(name)
+            before, verdict = self._published.get(name), verdicts[name]
             old_state = State.NOT_READY if before is None else before.state
-            old_since = stamp if before is None else before.since
-            changed = verdicts[name].state != old_state
-            verdict = replace(verdicts[name], since=stamp if changed else old_since)
-            if changed:
+            if verdict.state != old_state:
+                old_since = stamp if before is None else before.since
                 events.append(Event(stamp, name, old_state, old_since, verdict))
-            verdicts[name] = self._published[name] = verdict
+            self._published[name] = verdict
         return Report(stamp=stamp, step=step, **verdicts), events
 
     def _reconstruct(
@@ -226,12 +251,3 @@ class Diagnosis:
 
 def _silent(age: float) -> str:
     return "no sample yet" if isnan(age) else f"no sample for {age:.2f} s"
-
-
-def _radar(clearance: SignalVerdict, relative_velocity: SignalVerdict) -> SignalVerdict:
-    """The radar is as bad as the worse of its two signals."""
-    ranked = min(
-        (("clearance", clearance), ("relative velocity", relative_velocity)),
-        key=lambda pair: (_WORST_FIRST.index(pair[1].state), -pair[1].confidence),
-    )
-    return replace(ranked[1], reason=f"{ranked[0]}: {ranked[1].reason}")

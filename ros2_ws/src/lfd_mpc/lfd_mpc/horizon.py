@@ -1,6 +1,7 @@
 """Samples in, prediction horizons out: the whole controller without ROS."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import isfinite, nan
 
 import numpy as np
@@ -58,10 +59,13 @@ class Horizon:
     predicted_relative_velocity: NDArray[np.float64]
     input_sequence: NDArray[np.float64]
 
-    @property
+    @cached_property
     def states(self) -> NDArray[np.float64]:
         """The prediction as (N, 2) in m and m/s, or (0, 2)."""
-        return np.column_stack([self.predicted_clearance, self.predicted_relative_velocity])
+        states = np.empty((len(self.predicted_clearance), 2))
+        states[:, 0] = self.predicted_clearance
+        states[:, 1] = self.predicted_relative_velocity
+        return states
 
 
 class Mpc:

@@ -57,18 +57,19 @@ class ObserverBank:
         predicted = self._follower.take(horizon)
         if predicted.anew:
             self._observers.restart()
-        present = np.array([[horizon.clearance, horizon.relative_velocity]])
         # Row s: the present step as the solution of s steps ago predicted it; row 0 is measured.
-        known = np.concatenate([present, predicted.states])
-        acceleration, output_error = self._observers.step(known[self._lags])
+        known = np.empty((len(predicted.states) + 1, 2))
+        known[0] = horizon.clearance, horizon.relative_velocity
+        known[1:] = predicted.states
+        acceleration, output_error = self._observers.step(known.take(self._lags, axis=0))
         lower = self._lead_lower - acceleration
         upper = self._lead_upper - acceleration
         outside = (horizon.acceleration < lower) | (horizon.acceleration > upper)
         index = nan
         if predicted.complete and not horizon.acceleration_stale:
             index = 0.0
-            for weight, disagrees in zip(self._weights, outside, strict=True):
-                index += float(weight) * bool(disagrees)
+            for weight, disagrees in zip(self._weights.tolist(), outside.tolist(), strict=True):
+                index += weight * disagrees
         return BankState(
             stamp=horizon.stamp,
             step=horizon.step,

@@ -15,15 +15,18 @@ class PredictionStore:
 
     def __init__(self, steps: int) -> None:
         """`steps` is N."""
+        self._steps = steps
         self._states = np.full((steps, steps, 2), np.nan)
-        self._rows = np.arange(steps)
+        ago = np.arange(steps)
+        # For each place of the newest solution: where the one of 1..N steps ago speaks of now.
+        self._diagonals = [((newest - ago) % steps) * steps + ago for newest in range(steps)]
         self._newest = 0
         self._count = 0
 
     @property
     def steps(self) -> int:
         """N: how many solutions are kept, and how many steps each one looks ahead."""
-        return len(self._rows)
+        return self._steps
 
     @property
     def count(self) -> int:
@@ -45,7 +48,7 @@ class PredictionStore:
 
         Row i-1 is what the solution of i steps ago said; NaN where there is none yet.
         """
-        return self._states[self._newest - self._rows, self._rows]
+        return self._states.reshape(-1, 2).take(self._diagonals[self._newest], axis=0)
 
     def push(self, states: Array) -> None:
         """Store the solution (N, 2) of the present step. Raises ValueError for another shape."""

@@ -71,19 +71,25 @@ class SlidingModeObservers:
         errors (n,), NaN where an observer has not started.
         """
         fed = np.isfinite(measured).all(axis=1)
-        starting = fed & ~self.started
-        self._state[starting] = measured[starting]
-        self._equivalent[starting] = 0.0
-        self.started |= fed
+        # Nearly always every observer is fed; only then nothing needs to be picked out.
+        rows = slice(None) if fed.all() and self.started.all() else fed
+        if rows is fed:
+            starting = fed & ~self.started
+            self._state[starting] = measured[starting]
+            self._equivalent[starting] = 0.0
+            self.started |= fed
 
         output_error = (measured - self._state) @ C
         if self._boundary_layer > 0.0:
             direction = np.clip(output_error / self._boundary_layer, -1.0, 1.0)
         else:
             direction = np.sign(output_error)
-        injection = np.where(fed, self._gain * direction, 0.0)
-        self._equivalent[fed] += self._blend * (injection - self._equivalent)[fed]
-        derivative = self._state @ A.T + np.outer(injection, G)
-        self._state[fed] += STEP_S * derivative[fed]
-        reconstructed = np.where(self.started, self._equivalent, np.nan)
-        return reconstructed, np.where(fed, output_error, np.nan)
+        injection = self._gain * direction
+        state = self._state[rows]
+        derivative = state @ A.T
+        derivative += injection[rows, None] * G
+        self._state[rows] = state + STEP_S * derivative
+        self._equivalent[rows] += self._blend * (injection[rows] - self._equivalent[rows])
+        if rows is fed:
+            return np.where(self.started, self._equivalent, np.nan), output_error
+        return self._equivalent.copy(), output_error
