@@ -22,7 +22,7 @@ lint: setup
 	@.venv/bin/ruff check . && .venv/bin/ruff format --check .
 
 parameters: setup
-	@PYTHONPATH= bash -c 'export PATH=$$PWD/.venv/bin:$$PATH; [ -n "$${ROS_DISTRO:-}" ] || export AMENT_PREFIX_PATH=$$PWD/.venv; . ros2_ws/install/local_setup.bash; python -c "from lfd_replay.profiles import PROFILES, parameter_file_text; [open(f\"ros2_ws/src/lfd_bringup/params/{p}.yaml\", \"w\").write(parameter_file_text(p)) for p in PROFILES]"'
+	@PYTHONPATH= bash -c 'export PATH=$$PWD/.venv/bin:$$PATH; [ -n "$${ROS_DISTRO:-}" ] || export AMENT_PREFIX_PATH=$$PWD/.venv; . ros2_ws/install/local_setup.bash; python -c "import pathlib, lfd_replay.profiles as p; p.write_profile_files(pathlib.Path(\"ros2_ws/src/lfd_bringup/params\"))"'
 
 clean:
 	rm -rf .venv out ros2_ws/build ros2_ws/install ros2_ws/log

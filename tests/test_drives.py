@@ -17,7 +17,7 @@ from lfd_replay.evaluate import main_evaluate
 from lfd_replay.import_drive import main_import
 from lfd_replay.make_drive import main_make
 from lfd_replay.offline import OfflineGraph
-from lfd_replay.profiles import NODES, graph_settings, parameter_file_text
+from lfd_replay.profiles import NODES, graph_settings, profile_file_text
 from lfd_replay.read_drive import read_drive
 
 HEADER = "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2"
@@ -231,6 +231,6 @@ def test_a_given_file_replaces_the_column_of_the_first(tmp_path: Path) -> None:
 
 def test_the_parameter_file_of_the_paper_profile_is_current_and_complete() -> None:
     text = (PARAMS / "paper.yaml").read_text()
-    assert text == parameter_file_text("paper")
+    assert text == profile_file_text("paper")
     assert graph_settings("paper", PARAMS / "paper.yaml") == graph_settings("paper")
     assert all(f"/**/{node}:" in text for node in NODES)

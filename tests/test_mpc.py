@@ -141,3 +141,19 @@ def test_the_prediction_of_clearance_starts_from_the_clearance() -> None:
     solution = Controller(MpcSettings()).solve(40.0, -1.0, 0.3, 12.0)
     assert solution.states[0, 0] == pytest.approx(40.0 - 1.0 * STEP_S)
     assert solution.states[0, 1] == pytest.approx(-1.0 - 0.3 * STEP_S)
+
+
+def test_the_linear_prediction_keeps_the_relative_velocity_and_the_command_stays() -> None:
+    state = (40.0, -1.0, 0.3, 12.0)
+    linear = Controller(MpcSettings(prediction="linear")).solve(*state)
+    lead = STEP_S * np.arange(1, N + 1)
+    np.testing.assert_allclose(linear.states[:, 0], 40.0 - lead, atol=1e-12)
+    np.testing.assert_allclose(linear.states[:, 1], -1.0, atol=1e-12)
+    assert linear.command == Controller(MpcSettings()).solve(*state).command
+
+
+def test_where_no_limit_is_active_the_solver_is_not_needed(model) -> None:
+    inside = model.f_error @ np.array([0.5, 0.1])
+    solution = make_qp(model, "proxqp").solve(inside)
+    np.testing.assert_allclose(solution.u, exact(model, inside), atol=1e-9)
+    assert solution.residual <= 1e-9 and not solution.fell_back

@@ -71,7 +71,10 @@ class Controller:
         solution = self._qp.solve(f)
         states = None
         if solution.u is not None:
-            states = self._model.predict(error, solution.u, acceleration)
+            if settings.prediction == "linear":
+                states = self._model.predict_linear(error)
+            else:
+                states = self._model.predict(error, solution.u, acceleration)
             states[:, 0] += desired
         return ControlSolution(
             inputs=solution.u,

@@ -35,7 +35,11 @@ class PredictionModel:
 
         `error` (2,) in m and m/s, `inputs` (N,) and `input_now` in m/s^2.
         """
-        return self.M @ error + self.H @ inputs + self.F * input_now
+        return self.predict_linear(error) + self.H @ inputs + self.F * input_now
+
+    def predict_linear(self, error: Array) -> Array:
+        """The same at constant relative velocity: as if neither car accelerated."""
+        return self.M @ error
 
 
 def output_weights(settings: MpcSettings) -> Array:

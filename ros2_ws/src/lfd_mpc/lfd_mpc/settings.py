@@ -4,7 +4,7 @@ The same models declare the ROS parameters, check a parameter file offline and m
 files of `lfd_bringup`, so that a parameter is described in one place.
 """
 
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -103,8 +103,14 @@ class MpcSettings(HorizonSettings):
     solver: str = setting(
         "proxqp",
         "1",
-        "quadratic program solver: proxqp, or any solver name of qpsolvers",
+        "solver of steps where a limit is active: proxqp, or any solver name of qpsolvers",
         "own choice",
+    )
+    prediction: Literal["mpc", "linear"] = setting(
+        "mpc",
+        "1",
+        "published prediction: mpc, or linear (constant relative velocity) to compare with",
+        "section 3; section 5 compares both",
     )
     residual_limit: float = setting(
         1e-9,

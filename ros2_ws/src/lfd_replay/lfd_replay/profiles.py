@@ -1,5 +1,6 @@
 """Profiles and parameter files: the settings of all three nodes."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,21 +80,36 @@ def read_parameter_file(file: Path) -> dict[str, dict]:
     return values
 
 
-def parameter_file_text(profile: str) -> str:
-    """A ROS parameter file with every parameter of a profile, its unit, meaning and source."""
-    lines = [
-        f"# Parameters of the {profile} profile. Made by `make parameters` from the settings",
-        "# models, where each one is described once; a test holds them to be the same.",
-    ]
-    for node, kind in NODES.items():
+def parameter_file_text(heading: Iterable[str], settings: GraphSettings) -> str:
+    """A ROS parameter file with every parameter, its unit, meaning and source.
+
+    `heading` are lines of comment at its beginning.
+    """
+    lines = [f"# {line}" for line in heading]
+    for node, values in zip(NODES, vars(settings).values(), strict=True):
         lines += ["", f"/**/{node}:", "  ros__parameters:"]
-        for name, field in kind.model_fields.items():
+        for name, field in type(values).model_fields.items():
             extra = field.json_schema_extra
             assert isinstance(extra, dict)
-            value = field.default
+            value = getattr(values, name)
             if isinstance(value, tuple):
                 value = list(value)
             text = yaml.safe_dump(value, default_flow_style=True).replace("\n...", "").strip()
             lines.append(f"    # {field.description} [{extra['unit']}]; {extra['source']}")
             lines.append(f"    {name}: {text}")
     return "\n".join(lines) + "\n"
+
+
+def write_profile_files(folder: Path) -> None:
+    """Write the parameter file of each profile, for `make parameters`."""
+    for profile in PROFILES:
+        (folder / f"{profile}.yaml").write_text(profile_file_text(profile))
+
+
+def profile_file_text(profile: str) -> str:
+    """The parameter file of a profile."""
+    heading = (
+        f"Parameters of the {profile} profile. Made by `make parameters` from the settings",
+        "models, where each one is described once; a test holds them to be the same.",
+    )
+    return parameter_file_text(heading, graph_settings(profile))
