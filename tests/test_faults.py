@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from lfd_diagnosis.verdict import State
@@ -101,11 +102,11 @@ def test_the_radar_is_at_fault_where_either_signal_is() -> None:
 
 
 def flags(*intervals: tuple[float, float], seconds: float = 10.0) -> Timeline:
-    stamps = [k * 10_000_000 for k in range(round(seconds * 100))]
-    states = [
-        State.FAULT if any(a <= k / 100 < b for a, b in intervals) else State.OK
-        for k in range(len(stamps))
-    ]
+    stamps = np.arange(round(seconds * 100)) * 10_000_000
+    time = stamps * 1e-9
+    states = np.full(len(stamps), State.OK, dtype=np.int8)
+    for start, end in intervals:
+        states[(start - 1e-6 <= time) & (time < end - 1e-6)] = State.FAULT
     return Timeline(stamps, {name: states for name in SIGNALS})
 
 

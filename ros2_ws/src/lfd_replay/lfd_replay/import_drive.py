@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED
-from lfd_replay.drive import make_drive
+from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, INPUTS
+from lfd_replay.drive import Drive, make_drive
 from lfd_replay.drive_bag import write_drive
 from lfd_replay.drive_csv import ACCEL, SPEED, Table, read_csv_streams, scalar_stream
 from lfd_replay.errors import run_command
@@ -39,6 +39,23 @@ def extra_column(text: str, usual: str) -> tuple[Table, str]:
     return Table(path, {usual: column}), usual
 
 
+def join_drive(
+    radar: Path, accel: str | None, speed: str | None, mapping: dict[str, str] | None = None
+) -> Drive:
+    """A drive from a radar CSV file, with acceleration and host speed from files of their own.
+
+    `accel` and `speed` are `FILE[:COLUMN]` and replace those columns of `radar`. Raises UserError.
+    """
+    given = {ACCEL: (accel, ACCELERATION), SPEED: (speed, HOST_SPEED)}
+    replaced = frozenset(column for column, (text, _) in given.items() if text)
+    streams = read_csv_streams(_existing(radar), mapping or {}, replaced)
+    for column, (text, name) in given.items():
+        if text:
+            table, usual = extra_column(text, column)
+            streams[name] = scalar_stream(table, usual, name)
+    return make_drive(str(radar), streams)
+
+
 def main_import(arguments: list[str]) -> int:
     """The command line of `import_drive`."""
     parser = argparse.ArgumentParser(prog="import_drive", description=__doc__)
@@ -49,17 +66,10 @@ def main_import(arguments: list[str]) -> int:
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="OUT.mcap")
     options = parser.parse_args(arguments)
 
-    given = {ACCEL: (options.accel, ACCELERATION), SPEED: (options.speed, HOST_SPEED)}
-    replaced = frozenset(column for column, (text, _) in given.items() if text)
-    streams = read_csv_streams(_existing(options.radar), parse_mapping(options.map), replaced)
-    for column, (text, name) in given.items():
-        if text:
-            table, usual = extra_column(text, column)
-            streams[name] = scalar_stream(table, usual, name)
-    drive = make_drive(str(options.radar), streams)
+    drive = join_drive(options.radar, options.accel, options.speed, parse_mapping(options.map))
     warn(drive, [])
     write_drive(drive, options.out)
-    counts = ", ".join(f"{len(stream)} {name}" for name, stream in streams.items())
+    counts = ", ".join(f"{drive.count(name)} {name}" for name in INPUTS if drive.count(name))
     print(f"{options.out}: {drive.duration:.1f} s, {counts} samples")
     return 0
 

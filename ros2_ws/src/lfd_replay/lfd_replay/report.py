@@ -139,8 +139,8 @@ def _changes(steps: Sequence[RecordedStep], zero: int) -> str:
 
 
 def _figure(steps: Sequence[RecordedStep], zero: int, faults: list[Fault]) -> go.Figure:
-    stamps = [step.horizon.stamp - zero for step in steps]
-    time = np.array(stamps) * 1e-9
+    stamps = np.array([step.horizon.stamp - zero for step in steps])
+    time = stamps * 1e-9
     figure = make_subplots(
         rows=len(PANELS),
         shared_xaxes=True,
@@ -250,18 +250,18 @@ def _add_indices(figure: go.Figure, time: Array, steps: Sequence[RecordedStep]) 
 
 
 def _add_verdicts(
-    figure: go.Figure, stamps: list[int], steps: Sequence[RecordedStep], faults: list[Fault]
+    figure: go.Figure, stamps: NDArray[np.int64], steps: Sequence[RecordedStep], faults: list[Fault]
 ) -> None:
     """Lanes: what was injected above, what was said below."""
     row = len(PANELS)
     lanes = [name for name in SIGNALS if name == "radar" or name in FAULT_SIGNALS]
     for lane, name in enumerate(reversed(lanes)):
-        states = [getattr(step.report, name).state for step in steps]
+        states = np.array([getattr(step.report, name).state for step in steps])
         unjudged = (State.NOT_READY, State.NO_DATA, State.NO_TARGET)
         drawn = (
             ("injected", truth_windows(faults, name), INJECTED, 0.1),
-            ("FAULT", intervals(stamps, [s == State.FAULT for s in states]), FAULTY, -0.1),
-            ("not judged", intervals(stamps, [s in unjudged for s in states]), UNJUDGED, -0.1),
+            ("FAULT", intervals(stamps, states == State.FAULT), FAULTY, -0.1),
+            ("not judged", intervals(stamps, np.isin(states, unjudged)), UNJUDGED, -0.1),
         )
         for label, spans, colour, shift in drawn:
             x, y = [], []

@@ -4,6 +4,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from statistics import median
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lfd_diagnosis.verdict import SIGNALS, Report, State
 from lfd_mpc.settings import STEP_NS
 from lfd_replay.faults import Fault, truth_windows
@@ -16,10 +19,10 @@ GRACE = 1.0
 
 @dataclass(frozen=True)
 class Timeline:
-    """States of all signals over the steps of a drive; `stamps` in ns of drive time."""
+    """States over the n steps of a drive: `stamps` (n,) in ns of drive time, `states` (n,) each."""
 
-    stamps: list[int]
-    states: dict[str, list[State]]
+    stamps: NDArray[np.int64]
+    states: dict[str, NDArray[np.int8]]
 
 
 def timeline(reports: Iterable[Report], zero: int) -> Timeline:
@@ -31,67 +34,104 @@ def timeline(reports: Iterable[Report], zero: int) -> Timeline:
             stamps.append(report.stamp - zero)
             for name in SIGNALS:
                 states[name].append(getattr(report, name).state)
-    return Timeline(stamps, states)
+    return Timeline(
+        np.array(stamps, dtype=np.int64),
+        {name: np.array(column, dtype=np.int8) for name, column in states.items()},
+    )
 
 
-def intervals(stamps: list[int], marked: Iterable[bool]) -> list[Interval]:
-    """Stretches of marked steps as (first step, first step no longer marked), in s."""
-    found: list[list[int]] = []
-    last: int | None = None
-    for stamp, mark in zip(stamps, marked, strict=True):
-        continues = last is not None and 0 < stamp - last <= STEP_NS
-        if mark and found and continues and found[-1][1] == stamp:
-            found[-1][1] = stamp + STEP_NS
-        elif mark:
-            found.append([stamp, stamp + STEP_NS])
-        last = stamp
-    return [(start * 1e-9, end * 1e-9) for start, end in found]
+def intervals(stamps: NDArray[np.int64], marked: NDArray[np.bool_]) -> list[Interval]:
+    """Stretches of marked steps as (first step, first step no longer marked), in s.
+
+    `stamps` (n,) in ns, `marked` (n,).
+    """
+    if not len(stamps):
+        return []
+    step = np.diff(stamps)
+    joined = marked[1:] & marked[:-1] & (step > 0) & (step <= STEP_NS)
+    first = marked & ~np.append(False, joined)
+    last = marked & ~np.append(joined, False)
+    starts, ends = stamps[first].tolist(), (stamps[last] + STEP_NS).tolist()
+    return [(start * 1e-9, end * 1e-9) for start, end in zip(starts, ends, strict=True)]
 
 
-def score_sensor(line: Timeline, name: str, truth: list[Interval]) -> dict:
-    """The contract's figures for one sensor."""
-    states = line.states[name]
-    flagged = intervals(line.stamps, (state == State.FAULT for state in states))
-    windows = []
+def inside(stamps: NDArray[np.int64], window: Interval) -> NDArray[np.bool_]:
+    """Which of the `stamps` (n,) in ns lie in a window in s, its end excluded."""
+    seconds = stamps * 1e-9
+    return (window[0] <= seconds) & (seconds < window[1])
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a detector made of one window of truth: `delay` in s, `fraction` of its steps.
+
+    `delay` is None where nothing was found, `fraction` where the window holds no step.
+    """
+
+    start: float
+    delay: float | None
+    fraction: float | None
+    already_flagged: bool
+
+
+def find_windows(
+    stamps: NDArray[np.int64], fault: NDArray[np.bool_], truth: list[Interval]
+) -> tuple[list[Found], list[Interval]]:
+    """Hold a sensor's flags (n,) at `stamps` (n,) in ns against the truth in s.
+
+    Returns what was made of each window, and the false flags: those that overlap none.
+    """
+    flagged = intervals(stamps, fault)
+    found = []
     for start, end in truth:
-        inside = [
-            state == State.FAULT
-            for stamp, state in zip(line.stamps, states, strict=True)
-            if start <= stamp * 1e-9 < end
-        ]
+        own = fault[inside(stamps, (start, end))]
         first = next((begin for begin, _ in flagged if start <= begin < end), None)
-        windows.append(
-            {
-                "start": _round(start),
-                "found": first is not None,
-                "delay_s": None if first is None else _round(first - start),
-                "fraction": _round(sum(inside) / len(inside)) if inside else None,
-                "already_flagged": any(begin < start < finish for begin, finish in flagged),
-            }
+        found.append(
+            Found(
+                start,
+                None if first is None else first - start,
+                float(own.mean()) if len(own) else None,
+                any(begin < start < finish for begin, finish in flagged),
+            )
         )
     false = [
         (begin, finish)
         for begin, finish in flagged
         if not any(begin < end + GRACE and start < finish for start, end in truth)
     ]
-    in_truth = [
-        state == State.FAULT
-        for stamp, state in zip(line.stamps, states, strict=True)
-        if any(start <= stamp * 1e-9 < end for start, end in truth)
-    ]
-    delays = [w["delay_s"] for w in windows if w["found"]]
+    return found, false
+
+
+def score_sensor(line: Timeline, name: str, truth: list[Interval]) -> dict:
+    """The contract's figures for one sensor."""
+    states = line.states[name]
+    fault = states == State.FAULT
+    found, false = find_windows(line.stamps, fault, truth)
+    in_truth = np.zeros(len(states), dtype=bool)
+    for window in truth:
+        in_truth |= inside(line.stamps, window)
+    delays = [_round(window.delay) for window in found if window.delay is not None]
     return {
         "truth": [[_round(start), _round(end)] for start, end in truth],
-        "flagged": [[_round(begin), _round(finish)] for begin, finish in flagged],
-        "detected": all(w["found"] for w in windows) if windows else None,
+        "flagged": [
+            [_round(begin), _round(finish)] for begin, finish in intervals(line.stamps, fault)
+        ],
+        "detected": len(delays) == len(found) if found else None,
         "delay_s": median(delays) if delays else None,
-        "flagged_fraction": _round(sum(in_truth) / len(in_truth)) if in_truth else None,
+        "flagged_fraction": _round(fault[in_truth].mean()) if in_truth.any() else None,
         "false_events": len(false),
         "false_s": _round(sum(finish - begin for begin, finish in false)),
-        "ready_fraction": _round(sum(state != State.NOT_READY for state in states) / len(states))
-        if states
-        else 0.0,
-        "windows": windows,
+        "ready_fraction": _round((states != State.NOT_READY).mean()) if len(states) else 0.0,
+        "windows": [
+            {
+                "start": _round(window.start),
+                "found": window.delay is not None,
+                "delay_s": None if window.delay is None else _round(window.delay),
+                "fraction": None if window.fraction is None else _round(window.fraction),
+                "already_flagged": window.already_flagged,
+            }
+            for window in found
+        ],
     }
 
 
@@ -124,4 +164,4 @@ def summary_rows(sensors: dict[str, dict]) -> list[tuple[str, ...]]:
 
 
 def _round(value: float) -> float:
-    return round(value, 6)
+    return round(float(value), 6)
