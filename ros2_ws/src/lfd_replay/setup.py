@@ -1,11 +1,18 @@
 from setuptools import setup
 
-EXECUTABLES = ("bag_player", "evaluate", "import_drive", "make_drive")
+EXECUTABLES = (
+    "bag_player",
+    "calibrate",
+    "evaluate",
+    "import_drive",
+    "make_drive",
+    "paper_evaluation",
+)
 
 setup(
     name="lfd_replay",
     version="0.1.0",
-    packages=["lfd_replay"],
+    packages=["lfd_replay", "lfd_replay.evaluation"],
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/lfd_replay"]),
         ("share/lfd_replay", ["package.xml"]),

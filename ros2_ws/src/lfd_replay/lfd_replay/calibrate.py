@@ -1,0 +1,140 @@
+"""calibrate: thresholds and noise figures from anyone's fault-free drives, as a parameter file."""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from lfd_mpc.errors import UserError
+from lfd_replay.drive import Drive
+from lfd_replay.errors import run_command
+from lfd_replay.evaluate import print_table, warn
+from lfd_replay.evaluation.normal_driving import (
+    IndexStatistics,
+    index_statistics,
+    lead_acceleration,
+    scan_deviations,
+)
+from lfd_replay.evaluation.trace import JUDGED, Trace, record_trace
+from lfd_replay.offline import OfflineGraph
+from lfd_replay.profiles import PROFILES, GraphSettings, graph_settings, parameter_file_text
+from lfd_replay.read_drive import parse_mapping, read_drive
+from lfd_replay.text_file import write_text
+
+LEAST_INDICES = 50
+"""So many indices above zero a threshold is derived from; with fewer the profile's stays."""
+
+
+def with_noise(settings: GraphSettings, drives: list[Drive]) -> GraphSettings:
+    """Settings with the lead's distribution and the radar's deviations as in the drives.
+
+    Raises UserError where no lead is followed for long enough to tell.
+    """
+    lead = np.concatenate([lead_acceleration(drive) for drive in drives])
+    if not len(lead):
+        raise UserError("calibrate: in none of the drives a lead is followed for two seconds")
+    clearance, velocity = scan_deviations(drives)
+    motion = {
+        "lead_acceleration_mean": round(float(lead.mean()), 4),
+        "lead_acceleration_std": round(float(lead.std()), 4),
+    }
+    noise = {
+        "clearance_std": round(clearance, 4),
+        "relative_velocity_std": round(velocity, 4),
+    }
+    return GraphSettings(
+        settings.mpc,
+        _changed(settings.bank, motion),
+        _changed(settings.diagnosis, {**motion, **noise}),
+    )
+
+
+def with_thresholds(settings: GraphSettings, normal: IndexStatistics) -> GraphSettings:
+    """Settings whose thresholds are mean + standard deviation of the indices above zero (eq 26)."""
+    thresholds = {
+        f"{signal}_threshold": round(min(normal.mean[signal] + normal.std[signal], 1.0), 5)
+        for signal in JUDGED
+        if len(normal.values[signal]) >= LEAST_INDICES
+    }
+    return GraphSettings(settings.mpc, settings.bank, _changed(settings.diagnosis, thresholds))
+
+
+def _changed(settings, values: dict[str, float]):
+    """A copy of validated settings with other values, validated again."""
+    return type(settings)(**{**settings.model_dump(), **values})
+
+
+def traces(settings: GraphSettings, drives: list[Drive], what: str) -> Iterator[Trace]:
+    """Each drive through a graph of its own."""
+    console = Console(stderr=True)
+    for drive in track(drives, what, console=console, disable=not console.is_terminal):
+        yield record_trace(OfflineGraph(settings).run(drive.samples), drive.zero)
+
+
+def calibration_table(settings: GraphSettings, normal: IndexStatistics) -> Table:
+    """What was derived, as people read it."""
+    chosen = settings.diagnosis
+    table = Table(
+        "signal", "standard deviation", "index zero", "threshold", "false events per hour",
+        title=f"lead acceleration {chosen.lead_acceleration_mean:.3f} +- "
+        f"{chosen.lead_acceleration_std:.3f} m/s^2, from {normal.hours * 60:.1f} minutes",
+        title_justify="left",
+    )  # fmt: skip
+    for signal, unit in zip(JUDGED, ("m", "m/s", None), strict=True):
+        table.add_row(
+            signal,
+            "-" if unit is None else f"{getattr(chosen, f'{signal}_std'):.3f} {unit}",
+            f"{normal.zero_share[signal]:.1%}",
+            f"{getattr(chosen, f'{signal}_threshold'):.3f}",
+            f"{normal.false_events_per_hour[signal]:.1f}",
+        )
+    return table
+
+
+def main_calibrate(arguments: list[str]) -> int:
+    """The command line of `calibrate`."""
+    parser = argparse.ArgumentParser(prog="calibrate", description=__doc__)
+    parser.add_argument("drives", type=Path, nargs="+", metavar="DRIVE", help="CSV file or bag")
+    parser.add_argument("--map", action="append", default=[], metavar="NAME=COLUMN")
+    parser.add_argument(
+        "--profile",
+        default=PROFILES[0],
+        help=f"profile to start from, one of: {', '.join(PROFILES)} (default: %(default)s)",
+    )
+    parser.add_argument("-o", "--out", type=Path, required=True, metavar="PARAMS.yaml")
+    options = parser.parse_args(arguments)
+
+    settings = graph_settings(options.profile)
+    mapping = parse_mapping(options.map)
+    drives = [read_drive(path, mapping) for path in options.drives]
+    for drive in drives:
+        warn(drive, [])
+    settings = with_noise(settings, drives)
+    settings = with_thresholds(
+        settings, index_statistics(list(traces(settings, drives, "reading the indices")))
+    )
+    normal = index_statistics(list(traces(settings, drives, "counting false events")))
+    kept = [s for s in JUDGED if len(normal.values[s]) < LEAST_INDICES]
+    heading = [
+        f"Parameters of the {options.profile} profile, calibrated on {len(drives)} fault-free "
+        f"drives ({normal.hours * 60:.1f} minutes).",
+        "False events per hour that these drives would raise: "
+        + ", ".join(f"{s} {normal.false_events_per_hour[s]:.1f}" for s in JUDGED)
+        + ".",
+        *(f"Too few indices above zero to derive the threshold of {s}." for s in kept),
+    ]
+    write_text(options.out, parameter_file_text(heading, settings))
+    print_table(calibration_table(settings, normal))
+    for line in heading[2:]:
+        print(line)
+    print(f"written: {options.out}")
+    return 0
+
+
+def main() -> int:
+    """Entry point of `lfd_replay calibrate`."""
+    return run_command(main_calibrate)

@@ -1,0 +1,1 @@
+"""The paper's evaluation, and the detectors that people would pick instead."""

@@ -1,0 +1,226 @@
+"""The whole evaluation: what is run, in which order, and what comes out of it."""
+
+import hashlib
+import json
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lfd_replay.evaluation.cases import (
+    Case,
+    phases,
+    score_case,
+    summarise_phases,
+    table_3,
+)
+from lfd_replay.evaluation.comparison import (
+    AS_PUBLISHED,
+    NORMAL,
+    NormalScales,
+    choose_settings,
+    compare_on,
+    confusion,
+    count_normal,
+    detector_rows,
+    detectors,
+    normal_scales,
+    record_normal,
+)
+from lfd_replay.evaluation.detectors import PUBLISHED, Choice
+from lfd_replay.evaluation.fault_windows import (
+    PAPER,
+    PAPER_COMBINATIONS,
+    Cell,
+    offset_cells,
+    other_cells,
+)
+from lfd_replay.evaluation.journal import Journal, Task, run_tasks
+from lfd_replay.evaluation.normal_driving import IndexStatistics, index_statistics
+from lfd_replay.evaluation.trace import load_trace
+from lfd_replay.evaluation.variants import variants
+from lfd_replay.profiles import GraphSettings
+
+FALSE_EVENTS_PER_HOUR = 1.0
+"""False events per hour and signal that every detector may raise on the normal drives."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is run."""
+
+    normal: tuple[str, ...]
+    starts: int
+    cells: tuple[Cell, ...]
+    cell_drives: tuple[str, ...]
+
+    @property
+    def tasks(self) -> int:
+        """Upper estimate of the number of tasks, for the progress bar."""
+        return (
+            len(self.normal) * 8 + 13 * self.starts + (len(self.cells) + 1) * len(self.cell_drives)
+        )
+
+
+def plain() -> Size:
+    """What ends within five minutes on two cores."""
+    return Size(
+        NORMAL,
+        2,
+        (*offset_cells(full=False), *PAPER_COMBINATIONS, *other_cells(full=False)),
+        NORMAL[3::9],
+    )
+
+
+def full() -> Size:
+    """Everything."""
+    return Size(
+        NORMAL,
+        10,
+        (*offset_cells(full=True), *PAPER_COMBINATIONS, *other_cells(full=True)),
+        NORMAL,
+    )
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Everything that was found; `cases` pairs each case with its figures over all starts."""
+
+    settings: GraphSettings
+    size: Size
+    cases: list[tuple[Case, dict, dict]]
+    normal: dict[str, IndexStatistics]
+    chosen: dict[str, dict[str, Choice]]
+    rows: list[dict]
+    confusion: dict[str, dict[str, dict[str, int]]]
+
+
+def evaluate_paper(
+    size: Size,
+    settings: GraphSettings,
+    recorded: Path | None,
+    work: Path,
+    pool: ProcessPoolExecutor,
+    done: Callable[[], None],
+) -> Evaluation:
+    """Run everything that `work`, the folder of earlier results, does not hold yet."""
+    journal = Journal(work / "journal.jsonl")
+    tag = _digest(settings.mpc.model_dump(), settings.bank.model_dump()) + _digest(
+        settings.diagnosis.model_dump()
+    )
+
+    def run(tasks: list[Task]) -> dict[str, Any]:
+        return run_tasks(tasks, journal, pool, done)
+
+    # The cases first: they are what most people look for.
+    cases = table_3(recorded)
+    scored = run(
+        [
+            Task(f"case/{c.title}/{p}/{tag}", score_case, (c, p, settings, recorded))
+            for c in cases
+            for p in (phases(size.starts) if c.fault_texts(0.0) else [0.0])
+        ]
+    )
+    summarised = []
+    for case in cases:
+        own = [v for k, v in scored.items() if k.startswith(f"case/{case.title}/")]
+        summarised.append((case, own[0], summarise_phases(case, own)))
+
+    files = {
+        (variant, name): work / "normal" / f"{name} {variant} {tag}.npz"
+        for variant in variants(settings)
+        for name in size.normal
+    }
+    for (variant, name), file in files.items():
+        if not file.is_file():
+            journal.results.pop(f"normal/{name}/{variant}/{tag}", None)
+    hours = run(
+        [
+            Task(f"normal/{name}/{variant}/{tag}", record_normal, (name, variant, settings, file))
+            for (variant, name), file in files.items()
+        ]
+    )
+    traces = {
+        variant: [load_trace(files[variant, name]) for name in size.normal]
+        for variant in variants(settings)
+    }
+    scales = normal_scales(traces[PUBLISHED], list(size.normal), settings)
+    found = detectors(settings, scales)
+    normal = {variant: index_statistics(own) for variant, own in traces.items()}
+
+    driven = sum(hours.values()) / len(traces)
+    chosen = _choose(run, size, settings, scales, files, tag, round(driven * FALSE_EVENTS_PER_HOUR))
+    plain_choice = {
+        name: {signal: choice.setting for signal, choice in by_signal.items()}
+        for name, by_signal in chosen.items()
+    }
+    judged = _digest(plain_choice, scales.__dict__) + tag
+    cells: list[Cell | None] = [None, *size.cells]
+    compared = run(
+        [
+            Task(
+                f"cell/{cell.key if cell else 'nothing'}/{name}/{judged}",
+                compare_on,
+                (cell, name, 1, settings, scales, plain_choice),
+            )
+            for cell in cells
+            for name in size.cell_drives
+        ]
+    )
+    results = list(compared.values())
+    by_cell = [
+        (cell, results[k * len(size.cell_drives) : (k + 1) * len(size.cell_drives)])
+        for k, cell in enumerate(cells)
+    ]
+    rows = [row for cell, own in by_cell if cell is not None for row in detector_rows(cell, own)]
+    matrix = confusion(
+        [
+            (cell.injected if cell else (), result)
+            for cell, own in by_cell
+            if cell is None or _is_paper_size(cell)
+            for result in own
+        ]
+    )
+    assert {detector.name for detector in found} | {AS_PUBLISHED} == set(matrix)
+    return Evaluation(settings, size, summarised, normal, chosen, rows, matrix)
+
+
+def _choose(
+    run: Callable[[list[Task]], dict[str, Any]],
+    size: Size,
+    settings: GraphSettings,
+    scales: NormalScales,
+    files: dict[tuple[str, str], Path],
+    tag: str,
+    allowed: int,
+) -> dict[str, dict[str, Choice]]:
+    """Each detector's settings, from its false events on the normal drives."""
+    found = detectors(settings, scales)
+    learnt = _digest(scales.__dict__) + tag
+    counted = run(
+        [
+            Task(
+                f"count/{detector.name}/{name}/{learnt}",
+                count_normal,
+                (number, files[detector.variant, name], settings, scales),
+            )
+            for number, detector in enumerate(found)
+            for name in size.normal
+        ]
+    )
+    results = list(counted.values())
+    drives = len(size.normal)
+    counts = [results[k * drives : (k + 1) * drives] for k in range(len(found))]
+    return choose_settings(found, counts, allowed)
+
+
+def _is_paper_size(cell: Cell) -> bool:
+    """Whether a cell injects what the paper injects."""
+    sizes = {signal: abs(value) for signal, value in PAPER}
+    return cell.kind == "offset" and all(abs(v or 0.0) == sizes[s] for s, v in cell.values)
+
+
+def _digest(*values: Any) -> str:
+    text = json.dumps(values, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:8]

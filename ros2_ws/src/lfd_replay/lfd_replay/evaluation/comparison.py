@@ -1,0 +1,247 @@
+"""Detectors side by side on the same faults: normal drives to set them, windows to compare them."""
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lfd_diagnosis.verdict import State
+from lfd_replay.evaluation.cases import load_drive
+from lfd_replay.evaluation.cusum import Cusum, residuals
+from lfd_replay.evaluation.detectors import (
+    PUBLISHED,
+    Choice,
+    CountedIndex,
+    Detector,
+    choose,
+    count_false_events,
+)
+from lfd_replay.evaluation.fault_windows import LENGTH, WARM_UP, Cell
+from lfd_replay.evaluation.kalman import KalmanGate, LeadModel
+from lfd_replay.evaluation.normal_driving import following
+from lfd_replay.evaluation.statistics import median, rate
+from lfd_replay.evaluation.trace import JUDGED, Trace, load_trace, record_trace
+from lfd_replay.evaluation.variants import LINEAR, SINGLE, variants
+from lfd_replay.faults import Fault, FaultInjector, truth_windows
+from lfd_replay.offline import OfflineGraph
+from lfd_replay.profiles import GraphSettings
+from lfd_replay.score import find_windows, inside
+
+Array = NDArray[np.float64]
+
+NORMAL = tuple(f"normal-{number:02d}" for number in range(1, 28))
+"""The paper's 27 sets of normal driving data."""
+
+AS_PUBLISHED = "paper, as published"
+
+
+@dataclass(frozen=True)
+class NormalScales:
+    """What detectors know of normal driving.
+
+    `scan_noise` (2,): deviations of the radar's clearance (m) and relative velocity (m/s);
+    `residual_centre` and `residual_deviation` (3,) of the prediction residuals in m, m/s, m/s^2.
+    """
+
+    scan_noise: tuple[float, ...]
+    residual_centre: tuple[float, ...]
+    residual_deviation: tuple[float, ...]
+
+
+def record_normal(name: str, variant: str, settings: GraphSettings, file: Path) -> float:
+    """Put a normal drive through a variant of the graph, keep its trace; returns its hours."""
+    drive = load_drive(name, None)
+    graph = OfflineGraph(variants(settings)[variant])
+    trace = record_trace(graph.run(drive.samples), drive.zero)
+    trace.save(file)
+    return len(trace.stamps) * 0.01 / 3600.0
+
+
+def normal_scales(traces: list[Trace], names: list[str], settings: GraphSettings) -> NormalScales:
+    """Learn the scales from the traces of normal drives and from these drives' own scans."""
+    mean = settings.bank.lead_acceleration_mean
+    off = np.concatenate([residuals(trace, mean) for trace in traces])
+    second: list[list[Array]] = [[], []]
+    for name in names:
+        for part in following(load_drive(name, None)):
+            for column, values in zip(
+                second, (part.clearance, part.relative_velocity), strict=True
+            ):
+                column.append(np.diff(values, 2))
+    return NormalScales(
+        # White noise has six times its variance in second differences; the median ignores outliers.
+        tuple(
+            float(np.median(np.abs(np.concatenate(column))) / 0.6745 / np.sqrt(6.0))
+            for column in second
+        ),
+        tuple(np.nanmean(off, axis=0).tolist()),
+        tuple(np.nanstd(off, axis=0).tolist()),
+    )
+
+
+def detectors(settings: GraphSettings, scales: NormalScales) -> list[Detector]:
+    """All that are compared."""
+    motion = settings.bank
+    return [
+        CountedIndex("paper", PUBLISHED, settings.diagnosis),
+        CountedIndex(SINGLE, SINGLE, settings.diagnosis),
+        CountedIndex(LINEAR, LINEAR, settings.diagnosis),
+        KalmanGate(
+            (scales.scan_noise[0], scales.scan_noise[1]),
+            LeadModel(motion.lead_acceleration_mean, motion.lead_acceleration_std),
+        ),
+        Cusum(
+            motion.lead_acceleration_mean,
+            np.array(scales.residual_centre),
+            np.array(scales.residual_deviation),
+        ),
+    ]
+
+
+def count_normal(number: int, file: Path, settings: GraphSettings, scales: NormalScales) -> dict:
+    """False events on one normal drive, by signal and setting, of the detector of that number."""
+    return count_false_events(detectors(settings, scales)[number], load_trace(file))
+
+
+def choose_settings(
+    found: list[Detector], counts: list[list[dict[str, list[int]]]], allowed: int
+) -> dict[str, dict[str, Choice]]:
+    """Each detector's setting by signal; `counts` holds, per detector, one entry per drive."""
+    return {
+        detector.name: {
+            signal: choose(
+                detector,
+                np.sum([drive[signal] for drive in drives], axis=0).tolist(),
+                allowed,
+            )
+            for signal in JUDGED
+        }
+        for detector, drives in zip(found, counts, strict=True)
+    }
+
+
+def compare_on(
+    cell: Cell | None,
+    name: str,
+    seed: int,
+    settings: GraphSettings,
+    scales: NormalScales,
+    chosen: dict[str, dict[str, float]],
+) -> dict:
+    """Faults of one cell on one normal drive: what every detector makes of each window.
+
+    Without a cell nothing is injected, and windows are looked at all the same. `chosen`: settings
+    by detector and signal.
+    """
+    drive = load_drive(name, None, seed)
+    faults = [] if cell is None else cell.faults(name, seed, drive.duration)
+    if cell is None:
+        starts = np.arange(WARM_UP, drive.duration - LENGTH, LENGTH).tolist()
+    else:
+        starts = [fault.start * 1e-9 for fault in faults]
+    samples = FaultInjector(faults, drive.zero, seed).apply(drive.samples)
+    traces = {
+        variant: record_trace(OfflineGraph(changed).run(samples), drive.zero)
+        for variant, changed in variants(settings).items()
+    }
+    result = {}
+    for detector in detectors(settings, scales):
+        trace = traces[detector.variant]
+        scores = detector.scores(trace)
+        result[detector.name] = _judge(
+            trace,
+            {s: detector.flags(s, scores[s], chosen[detector.name][s]) for s in JUDGED},
+            cell,
+            faults,
+            starts,
+        )
+    trace = traces[PUBLISHED]
+    # A sensor that says nothing is reported as such; everything else is reported as a fault.
+    said = [State.FAULT, *([State.NO_DATA] if cell and cell.kind == "dropout" else [])]
+    flags = {signal: np.isin(trace.state(signal), said) for signal in JUDGED}
+    result[AS_PUBLISHED] = _judge(trace, flags, cell, faults, starts)
+    return result
+
+
+def _judge(
+    trace: Trace,
+    flags: dict[str, NDArray[np.bool_]],
+    cell: Cell | None,
+    faults: list[Fault],
+    starts: list[float],
+) -> dict:
+    """Delays of each signal by window, what was reported in each window, and false events."""
+    delays, false = {}, {}
+    for signal, fault in flags.items():
+        found, wrong = find_windows(trace.stamps, fault, truth_windows(faults, signal))
+        false[signal] = len(wrong)
+        if cell is not None and signal in cell.injected:
+            delays[signal] = [window.delay for window in found]
+    reported = [
+        [s for s in JUDGED if flags[s][inside(trace.stamps, (start, start + LENGTH))].any()]
+        for start in starts
+    ]
+    return {"delays": delays, "reported": reported, "false": false}
+
+
+CATEGORIES = {
+    (): "no fault",
+    ("clearance",): "clearance",
+    ("relative_velocity",): "relative velocity",
+    ("clearance", "relative_velocity"): "radar",
+    ("acceleration",): "acceleration",
+}
+
+
+def category(signals: list[str] | tuple[str, ...]) -> str:
+    """The row or column of the confusion matrix of a set of faulty signals."""
+    return CATEGORIES.get(tuple(s for s in JUDGED if s in signals), "radar and acceleration")
+
+
+def confusion(results: list[tuple[tuple[str, ...], dict]]) -> dict[str, dict[str, dict[str, int]]]:
+    """By detector: fault injected against fault reported, in windows.
+
+    `results`: the signals injected, and what `compare_on` gave.
+    """
+    counted: dict[str, Counter] = {}
+    for injected, result in results:
+        for name, judged in result.items():
+            counter = counted.setdefault(name, Counter())
+            for reported in judged["reported"]:
+                counter[category(injected), category(reported)] += 1
+    names = [*CATEGORIES.values(), "radar and acceleration"]
+    return {
+        name: {row: {column: counter[row, column] for column in names} for row in names}
+        for name, counter in counted.items()
+    }
+
+
+def detector_rows(cell: Cell, results: list[dict]) -> list[dict]:
+    """The summary's rows of one cell: rate and delay of every detector, with intervals."""
+    rows = []
+    for name in results[0]:
+        for signal in cell.injected:
+            delays = [d for result in results for d in result[name]["delays"][signal]]
+            found = [d for d in delays if d is not None]
+            share, low, high = rate(len(found), len(delays))
+            middle, least, most = median(found) if found else (None, None, None)
+            rows.append(
+                {
+                    "name": name,
+                    "signal": signal,
+                    "kind": cell.kind,
+                    "size": dict(cell.values)[signal],
+                    "injected": list(cell.injected),
+                    "windows": len(delays),
+                    "detected": share,
+                    "detected_low": low,
+                    "detected_high": high,
+                    "delay_s": middle,
+                    "delay_low_s": least,
+                    "delay_high_s": most,
+                    "false_events": sum(sum(result[name]["false"].values()) for result in results),
+                }
+            )
+    return rows

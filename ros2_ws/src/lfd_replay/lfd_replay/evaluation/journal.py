@@ -1,0 +1,86 @@
+"""Work spread over processes, each result kept at once, so that an interrupted run goes on."""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import lfd_diagnosis
+import lfd_mpc
+import lfd_observer
+import lfd_replay
+
+
+@dataclass(frozen=True)
+class Task:
+    """A call whose result can be written as JSON; `key` names it and all that it depends on."""
+
+    key: str
+    function: Callable[..., Any]
+    arguments: tuple = field(default=())
+
+
+def fingerprint() -> str:
+    """A checksum of the code that results come from."""
+    digest = hashlib.sha256()
+    for package in (lfd_mpc, lfd_observer, lfd_diagnosis, lfd_replay):
+        folder = Path(package.__file__).parent
+        for file in sorted(folder.rglob("*.py")):
+            digest.update(f"{file.relative_to(folder)}\0".encode() + file.read_bytes())
+    return digest.hexdigest()
+
+
+class Journal:
+    """Results by key in a file of JSON lines; those of other code do not count."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.results: dict[str, Any] = {}
+        head = json.dumps({"code": fingerprint()})
+        lines = path.read_text().splitlines() if path.is_file() else []
+        if lines[:1] == [head]:
+            for line in lines[1:]:
+                try:
+                    entry = json.loads(line)
+                except json.JSONDecodeError:
+                    continue  # the line at which a run was cut off
+                self.results[entry["key"]] = entry["result"]
+        else:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(head + "\n")
+
+    def add(self, key: str, result: Any) -> None:
+        """Keep one result."""
+        with self._path.open("a") as file:
+            file.write("\n" + json.dumps({"key": key, "result": result}))
+        # As it will be read the next time, so that a resumed run gives the same.
+        self.results[key] = json.loads(json.dumps(result))
+
+
+def run_tasks(
+    tasks: Iterable[Task], journal: Journal, pool: ProcessPoolExecutor, done: Callable[[], None]
+) -> dict[str, Any]:
+    """Results by key of all tasks; `done` is called after each one.
+
+    Raises what a task raised; results until then are kept.
+    """
+    tasks = list(tasks)
+    waiting = {}
+    for task in tasks:
+        if task.key in journal.results:
+            done()
+        else:
+            waiting[pool.submit(task.function, *task.arguments)] = task.key
+    try:
+        while waiting:
+            finished, _ = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in finished:
+                journal.add(waiting.pop(future), future.result())
+                done()
+    finally:
+        for future in waiting:
+            future.cancel()
+    return {task.key: journal.results[task.key] for task in tasks}
