@@ -1,0 +1,181 @@
+"""What the evaluation found, as `summary.json` and as the tables that people read."""
+
+from dataclasses import asdict
+
+from lfd_diagnosis.verdict import SIGNALS
+from lfd_replay.evaluation.campaign import Evaluation
+from lfd_replay.evaluation.cases import COMBINATIONS, RECORDED
+from lfd_replay.evaluation.comparison import AS_PUBLISHED
+from lfd_replay.evaluation.detectors import PUBLISHED
+from lfd_replay.evaluation.normal_driving import IndexStatistics
+from lfd_replay.evaluation.trace import JUDGED
+
+Rows = list[tuple[str, ...]]
+
+PAPER_TABLE_1 = {
+    "clearance": (0.38411, 0.25811),
+    "relative_velocity": (0.45135, 0.26806),
+    "acceleration": (0.44431, 0.23698),
+}
+"""Mean and standard deviation of the non-zero indices as printed in the paper."""
+
+
+def summary(evaluation: Evaluation, profile: str, complete: bool, elapsed: float) -> dict:
+    """Everything as plain data."""
+    return {
+        "profile": profile,
+        "full": complete,
+        "elapsed_s": round(elapsed, 1),
+        "cases": [
+            {
+                "drive": case.drive,
+                "faults": case.fault_texts(0.0),
+                "profile": profile,
+                "sensors": sensors,
+                "over_starts": over_starts,
+            }
+            for case, sensors, over_starts in evaluation.cases
+        ],
+        "normal": _normal(evaluation.normal[PUBLISHED]),
+        "variants": {name: _normal(found) for name, found in evaluation.normal.items()},
+        "settings": {
+            name: {signal: asdict(choice) for signal, choice in by_signal.items()}
+            for name, by_signal in evaluation.chosen.items()
+        },
+        "detectors": evaluation.rows,
+        "confusion": evaluation.confusion,
+    }
+
+
+def _normal(found: IndexStatistics) -> dict:
+    return {
+        "hours": round(found.hours, 4),
+        "zero_share": _finite(found.zero_share),
+        "mean": _finite(found.mean),
+        "std": _finite(found.std),
+        "false_events_per_hour": _finite(found.false_events_per_hour),
+    }
+
+
+def _finite(values: dict[str, float]) -> dict[str, float | None]:
+    """JSON knows no NaN: where there is nothing to average there is no figure."""
+    return {name: round(v, 6) if v == v else None for name, v in values.items()}
+
+
+CASE_COLUMNS = ("drive", "fault", *SIGNALS, "wrongly blamed")
+
+
+def case_rows(evaluation: Evaluation) -> Rows:
+    """Table 3: per case and sensor, how often found over all starts, delay, share flagged."""
+    rows: Rows = []
+    for case, _, sensors in evaluation.cases:
+        drive = "recorded" if case.drive == RECORDED else case.drive
+        blamed = [
+            f"{name} {figures['wrong_blame_s']:.1f} s"
+            for name, figures in sensors.items()
+            if figures["wrong_blame_s"] > 0.0 and name != "radar"
+        ]
+        rows.append(
+            (
+                drive,
+                case.combination,
+                *(_verdict(sensors[name]) for name in SIGNALS),
+                ", ".join(blamed) or "-",
+            )
+        )
+    return rows
+
+
+def _verdict(figures: dict) -> str:
+    false = figures["false_events"]
+    wrong = f"{false:.1f} false" if false else ""
+    if not figures["injected"]:
+        return wrong or "-"
+    if not figures["found"]:
+        return f"missed, {wrong}" if wrong else "missed"
+    low, high = figures["delay_min_s"] * 1000, figures["delay_max_s"] * 1000
+    parts = [
+        f"{figures['found']} of {figures['starts']}",
+        f"{low:.0f}-{high:.0f} ms",
+        f"{figures['flagged_fraction']:.0%}",
+    ]
+    return ", ".join([*parts, wrong] if wrong else parts)
+
+
+NORMAL_COLUMNS = ("signal", "variant", "index zero", "mean", "std", "paper", "false events/h")
+
+
+def normal_rows(evaluation: Evaluation) -> Rows:
+    """Table 1, and what taking a part out changes."""
+    rows: Rows = []
+    for signal in JUDGED:
+        for variant, found in evaluation.normal.items():
+            mean, std = PAPER_TABLE_1[signal]
+            rows.append(
+                (
+                    signal,
+                    variant,
+                    f"{found.zero_share[signal]:.1%}",
+                    f"{found.mean[signal]:.3f}",
+                    f"{found.std[signal]:.3f}",
+                    f"{mean:.3f} +- {std:.3f}" if variant == PUBLISHED else "",
+                    f"{found.false_events_per_hour[signal]:.1f}",
+                )
+            )
+    share = evaluation.normal[PUBLISHED].zero_share["all"]
+    rows.append(("all three", PUBLISHED, f"{share:.1%}", "", "", "zero for about 94 %", ""))
+    return rows
+
+
+DETECTOR_COLUMNS = ("fault", "size", "detector", "windows", "found", "95 %", "delay", "95 %")
+
+
+def detector_table_rows(evaluation: Evaluation) -> Rows:
+    """Every cell of one signal, every detector."""
+    rows: Rows = []
+    for row in evaluation.rows:
+        if len(row["injected"]) > 1:
+            continue
+        delay = row["delay_s"]
+        rows.append(
+            (
+                f"{row['kind']} {row['signal']}",
+                "" if row["size"] is None else f"{row['size']:g}",
+                row["name"],
+                str(row["windows"]),
+                f"{row['detected']:.1%}",
+                f"{row['detected_low']:.0%}-{row['detected_high']:.0%}",
+                "-" if delay is None else f"{delay * 1000:.0f} ms",
+                ""
+                if delay is None
+                else f"{row['delay_low_s'] * 1000:.0f}-{row['delay_high_s'] * 1000:.0f}",
+            )
+        )
+    return rows
+
+
+SETTING_COLUMNS = ("detector", *JUDGED)
+
+
+def setting_rows(evaluation: Evaluation) -> Rows:
+    """What each detector is set to, and the false events that it raises on the normal drives."""
+    return [
+        (
+            name,
+            *(f"{by_signal[s].setting:.3g} ({by_signal[s].false_events} false)" for s in JUDGED),
+        )
+        for name, by_signal in evaluation.chosen.items()
+    ]
+
+
+def confusion_rows(evaluation: Evaluation) -> tuple[tuple[str, ...], Rows]:
+    """Columns and rows of the profile's own confusion matrix."""
+    matrix = evaluation.confusion[AS_PUBLISHED]
+    return ("injected", *matrix), [
+        (row, *(str(count) for count in counts.values())) for row, counts in matrix.items()
+    ]
+
+
+def combination_title(combination: str) -> str:
+    """A combination of Table 3 in words."""
+    return " and ".join(name.replace("_", " ") for name in COMBINATIONS[combination]) or "no fault"

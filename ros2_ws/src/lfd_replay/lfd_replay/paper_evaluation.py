@@ -1,0 +1,103 @@
+"""paper_evaluation: the paper's evaluation, and the detectors that people would pick instead."""
+
+import argparse
+import json
+import multiprocessing
+import os
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from lfd_mpc.errors import UserError
+from lfd_replay.errors import run_command
+from lfd_replay.evaluate import print_table
+from lfd_replay.evaluation import summary
+from lfd_replay.evaluation.campaign import evaluate_paper, full, plain
+from lfd_replay.evaluation.cases import RECORDED
+from lfd_replay.profiles import PROFILES, graph_settings
+from lfd_replay.text_file import write_text
+
+
+def recorded_drive(folder: Path) -> Path | None:
+    """The folder, where the recorded drive lies in it; None and a word where it does not."""
+    if (folder / f"{RECORDED}_lead.csv").is_file():
+        return folder
+    print(f"NOT RUN on the recorded drive: {folder} holds no {RECORDED}_lead.csv", file=sys.stderr)
+    return None
+
+
+def _table(title: str, columns: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
+    table = Table(*columns, title=title, title_justify="left")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def main_paper_evaluation(arguments: list[str]) -> int:
+    """The command line of `paper_evaluation`."""
+    parser = argparse.ArgumentParser(prog="paper_evaluation", description=__doc__)
+    parser.add_argument("--full", action="store_true", help="every size, kind, drive and start")
+    parser.add_argument(
+        "--profile",
+        default=PROFILES[0],
+        help=f"one of: {', '.join(PROFILES)} (default: %(default)s)",
+    )
+    parser.add_argument("--params", type=Path, metavar="FILE.yaml", help="ROS parameter file")
+    parser.add_argument(
+        "--recorded",
+        type=Path,
+        default=Path("../shared/data"),
+        metavar="FOLDER",
+        help="where the recorded drive is (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/evaluate"), help="(default: %(default)s)"
+    )
+    options = parser.parse_args(arguments)
+    if options.jobs < 1:
+        raise UserError(f"--jobs {options.jobs}: 1 or more is expected")
+
+    size = full() if options.full else plain()
+    settings = graph_settings(options.profile, options.params)
+    recorded = recorded_drive(options.recorded)
+    started = time.perf_counter()
+    console = Console(stderr=True)
+    columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    # Started afresh, so that a worker holds nothing of the parent's threads.
+    context = multiprocessing.get_context("spawn")
+    with (
+        Progress(*columns, console=console, disable=not console.is_terminal) as progress,
+        ProcessPoolExecutor(options.jobs, mp_context=context) as pool,
+    ):
+        bar = progress.add_task("evaluating", total=size.tasks)
+        work = options.out / "work"
+        found = evaluate_paper(size, settings, recorded, work, pool, lambda: progress.advance(bar))
+    elapsed = time.perf_counter() - started
+    result = summary.summary(found, options.profile, options.full, elapsed)
+    write_text(options.out / "summary.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
+    for table in (
+        _table("Detectors", summary.DETECTOR_COLUMNS, summary.detector_table_rows(found)),
+        _table(
+            "Settings with equal false events", summary.SETTING_COLUMNS, summary.setting_rows(found)
+        ),
+        _table("Injected against reported", *summary.confusion_rows(found)),
+        _table("Table 1: indices on normal drives", summary.NORMAL_COLUMNS,
+               summary.normal_rows(found)),
+        _table("Table 3", summary.CASE_COLUMNS, summary.case_rows(found)),
+    ):  # fmt: skip
+        print_table(table)
+    print(f"{elapsed:.0f} s; figures: {options.out / 'summary.json'}")
+    return 0
+
+
+def main() -> int:
+    """Entry point of `lfd_replay paper_evaluation`."""
+    return run_command(main_paper_evaluation)
