@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Iterator
+from math import floor
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from lfd_mpc.errors import UserError
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import print_table, warn
+from lfd_replay.evaluation.detectors import counted_faults
 from lfd_replay.evaluation.normal_driving import (
     IndexStatistics,
     index_statistics,
@@ -23,6 +25,7 @@ from lfd_replay.evaluation.trace import JUDGED, Trace, record_trace
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import PROFILES, GraphSettings, graph_settings, parameter_file_text
 from lfd_replay.read_drive import parse_mapping, read_drive
+from lfd_replay.score import intervals
 from lfd_replay.text_file import write_text
 
 LEAST_INDICES = 50
@@ -53,14 +56,52 @@ def with_noise(settings: GraphSettings, drives: list[Drive]) -> GraphSettings:
     )
 
 
-def with_thresholds(settings: GraphSettings, normal: IndexStatistics) -> GraphSettings:
-    """Settings whose thresholds are mean + standard deviation of the indices above zero (eq 26)."""
-    thresholds = {
-        f"{signal}_threshold": round(min(normal.mean[signal] + normal.std[signal], 1.0), 5)
-        for signal in JUDGED
-        if len(normal.values[signal]) >= LEAST_INDICES
-    }
-    return GraphSettings(settings.mpc, settings.bank, _changed(settings.diagnosis, thresholds))
+def with_thresholds(
+    settings: GraphSettings, found: list[Trace], allowed: float
+) -> tuple[GraphSettings, list[str]]:
+    """Settings with thresholds for fault-free traces, and what there is to say about them.
+
+    Mean + standard deviation of the indices above zero (eq 26), and more where that would raise
+    over `allowed` false events per hour.
+    """
+    normal = index_statistics(found)
+    thresholds, remarks = {}, []
+    for signal in JUDGED:
+        values = normal.values[signal]
+        if len(values) < LEAST_INDICES:
+            remarks.append(f"{signal}: too few indices above zero; the profile's threshold stays")
+            continue
+        recipe = min(normal.mean[signal] + normal.std[signal], 1.0)
+        for threshold in (recipe, *np.unique(values[values > recipe]).tolist()):
+            events = _false_events(settings, found, signal, threshold)
+            if events <= allowed * normal.hours:
+                break
+        else:
+            remarks.append(f"{signal}: no threshold keeps to {allowed:g} false events per hour")
+        # Downwards, so that an index that equals the threshold still counts.
+        thresholds[f"{signal}_threshold"] = floor(threshold * 1e5) / 1e5
+    diagnosis = _changed(settings.diagnosis, thresholds)
+    return GraphSettings(settings.mpc, settings.bank, diagnosis), remarks
+
+
+def _false_events(
+    settings: GraphSettings, found: list[Trace], signal: str, threshold: float
+) -> int:
+    diagnosis = settings.diagnosis
+    return sum(
+        len(
+            intervals(
+                trace.stamps,
+                counted_faults(
+                    trace.index(signal),
+                    threshold,
+                    diagnosis.confidence_threshold,
+                    diagnosis.confidence_max,
+                ),
+            )
+        )
+        for trace in found
+    )
 
 
 def _changed(settings, values: dict[str, float]):
@@ -105,31 +146,39 @@ def main_calibrate(arguments: list[str]) -> int:
         default=PROFILES[0],
         help=f"profile to start from, one of: {', '.join(PROFILES)} (default: %(default)s)",
     )
+    parser.add_argument(
+        "--false-events",
+        type=float,
+        default=1.0,
+        metavar="PER_HOUR",
+        help="false events per hour and signal that may remain (default: %(default)s)",
+    )
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="PARAMS.yaml")
     options = parser.parse_args(arguments)
 
+    if not options.false_events >= 0.0:
+        raise UserError(f"--false-events {options.false_events}: 0 or more per hour is expected")
     settings = graph_settings(options.profile)
     mapping = parse_mapping(options.map)
     drives = [read_drive(path, mapping) for path in options.drives]
     for drive in drives:
         warn(drive, [])
     settings = with_noise(settings, drives)
-    settings = with_thresholds(
-        settings, index_statistics(list(traces(settings, drives, "reading the indices")))
+    settings, remarks = with_thresholds(
+        settings, list(traces(settings, drives, "reading the indices")), options.false_events
     )
     normal = index_statistics(list(traces(settings, drives, "counting false events")))
-    kept = [s for s in JUDGED if len(normal.values[s]) < LEAST_INDICES]
     heading = [
         f"Parameters of the {options.profile} profile, calibrated on {len(drives)} fault-free "
         f"drives ({normal.hours * 60:.1f} minutes).",
         "False events per hour that these drives would raise: "
         + ", ".join(f"{s} {normal.false_events_per_hour[s]:.1f}" for s in JUDGED)
         + ".",
-        *(f"Too few indices above zero to derive the threshold of {s}." for s in kept),
+        *remarks,
     ]
     write_text(options.out, parameter_file_text(heading, settings))
     print_table(calibration_table(settings, normal))
-    for line in heading[2:]:
+    for line in remarks:
         print(line)
     print(f"written: {options.out}")
     return 0

@@ -55,17 +55,24 @@ class CountedIndex(Detector):
 
     def flags(self, signal: str, score: Array, setting: float) -> NDArray[np.bool_]:
         """Steps at which the confidence has reached the setting."""
-        threshold = self._thresholds[signal]
-        flagged = np.zeros(len(score), dtype=bool)
-        high = np.flatnonzero(score >= threshold)
-        if len(high) < setting:
-            return flagged
-        confidence = Confidence(threshold, int(setting), int(setting) + self.headroom)
-        last = len(score)
-        for k in range(high[0], last):
-            confidence.step(score[k])
-            flagged[k] = confidence.faulty
+        return counted_faults(
+            score, self._thresholds[signal], int(setting), int(setting) + self.headroom
+        )
+
+
+def counted_faults(
+    index: Array, threshold: float, fault_threshold: int, ceiling: int
+) -> NDArray[np.bool_]:
+    """Steps (n,) at which the confidence that counts `index` (n,) says fault (eq 26)."""
+    flagged = np.zeros(len(index), dtype=bool)
+    high = np.flatnonzero(index >= threshold)
+    if len(high) < fault_threshold:
         return flagged
+    confidence = Confidence(threshold, fault_threshold, ceiling)
+    for k in range(high[0], len(index)):
+        confidence.step(index[k])
+        flagged[k] = confidence.faulty
+    return flagged
 
 
 class Exceedance(Detector):

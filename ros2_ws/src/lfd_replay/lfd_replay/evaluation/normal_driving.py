@@ -36,7 +36,8 @@ def following(drive: Drive) -> list[Following]:
     scans = [s for s in drive.samples if s.input == RADAR]
     if len(scans) < 2:
         return []
-    time = np.array([(s.stamp - drive.zero) * 1e-9 for s in scans])
+    zero = drive.zero
+    time = np.array([(s.stamp - zero) * 1e-9 for s in scans])
     clearance = np.array([s.clearance for s in scans])
     velocity = np.array([s.relative_velocity for s in scans])
     track = np.array([s.track_id for s in scans])
@@ -78,7 +79,8 @@ def lead_acceleration(drive: Drive) -> Array:
 def _series(drive: Drive, name: str) -> tuple[Array, Array]:
     """Times in s and finite values of one scalar input."""
     samples = [s for s in drive.samples if s.input == name and np.isfinite(s.value)]
-    time = np.array([(s.stamp - drive.zero) * 1e-9 for s in samples])
+    zero = drive.zero
+    time = np.array([(s.stamp - zero) * 1e-9 for s in samples])
     return time, np.array([s.value for s in samples])
 
 
