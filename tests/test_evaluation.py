@@ -203,7 +203,8 @@ def test_the_whole_evaluation_in_small(tmp_path: Path) -> None:
         normal=("data-1", "data-2"),
         starts=1,
         cells=(Cell("offset", (("acceleration", 4.0),), signed=True),),
-        cell_drives=("data-2",),
+        offset_drives=("data-2",),
+        other_drives=(),
     )
     done: list[int] = []
     with ProcessPoolExecutor(2) as pool:

@@ -35,8 +35,12 @@ class OfflineGraph:
     def push(self, sample: Sample) -> Iterator[GraphStep]:
         """Take one sample; gives the steps that it releases."""
         for horizon in self._mpc.push(sample):
-            bank = self._bank.step(horizon)
-            yield GraphStep(horizon, bank, self._diagnosis.step(horizon, bank))
+            yield self.answer(horizon)
+
+    def answer(self, horizon: Horizon) -> GraphStep:
+        """What bank and diagnosis say to a horizon."""
+        bank = self._bank.step(horizon)
+        return GraphStep(horizon, bank, self._diagnosis.step(horizon, bank))
 
     def run(self, samples: Iterable[Sample]) -> Iterator[GraphStep]:
         """All steps of a drive."""

@@ -52,33 +52,39 @@ class Size:
     normal: tuple[str, ...]
     starts: int
     cells: tuple[Cell, ...]
-    cell_drives: tuple[str, ...]
+    offset_drives: tuple[str, ...]
+    other_drives: tuple[str, ...]
+
+    def drives_of(self, cell: Cell | None) -> tuple[str, ...]:
+        """The normal drives that a cell's faults are injected into."""
+        return self.offset_drives if _with_variants(cell) else self.other_drives
 
     @property
     def tasks(self) -> int:
         """Upper estimate of the number of tasks, for the progress bar."""
-        return (
-            len(self.normal) * 8 + 13 * self.starts + (len(self.cells) + 1) * len(self.cell_drives)
-        )
+        cells = sum(len(self.drives_of(cell)) for cell in (None, *self.cells))
+        return 13 * self.starts + 6 * len(self.normal) + cells
 
 
 def plain() -> Size:
     """What ends within five minutes on two cores."""
     return Size(
-        NORMAL,
-        2,
-        (*offset_cells(full=False), *PAPER_COMBINATIONS, *other_cells(full=False)),
-        NORMAL[3::9],
+        normal=NORMAL,
+        starts=2,
+        cells=(*offset_cells(full=False), *PAPER_COMBINATIONS, *other_cells(full=False)),
+        offset_drives=NORMAL[3::9],
+        other_drives=NORMAL[3::9],
     )
 
 
 def full() -> Size:
-    """Everything."""
+    """Everything; kinds other than offsets have no intervals as narrow."""
     return Size(
-        NORMAL,
-        10,
-        (*offset_cells(full=True), *PAPER_COMBINATIONS, *other_cells(full=True)),
-        NORMAL,
+        normal=NORMAL,
+        starts=10,
+        cells=(*offset_cells(full=True), *PAPER_COMBINATIONS, *other_cells(full=True)),
+        offset_drives=NORMAL,
+        other_drives=NORMAL[::3],
     )
 
 
@@ -127,28 +133,27 @@ def evaluate_paper(
         summarised.append((case, own[0], summarise_phases(case, own)))
 
     files = {
-        (variant, name): work / "normal" / f"{name} {variant} {tag}.npz"
-        for variant in variants(settings)
+        name: {v: work / "normal" / f"{name} {v} {tag}.npz" for v in variants(settings)}
         for name in size.normal
     }
-    for (variant, name), file in files.items():
-        if not file.is_file():
-            journal.results.pop(f"normal/{name}/{variant}/{tag}", None)
+    for name, own in files.items():
+        if not all(file.is_file() for file in own.values()):
+            journal.results.pop(f"normal/{name}/{tag}", None)
     hours = run(
         [
-            Task(f"normal/{name}/{variant}/{tag}", record_normal, (name, variant, settings, file))
-            for (variant, name), file in files.items()
+            Task(f"normal/{name}/{tag}", record_normal, (name, settings, own))
+            for name, own in files.items()
         ]
     )
     traces = {
-        variant: [load_trace(files[variant, name]) for name in size.normal]
+        variant: [load_trace(own[variant]) for own in files.values()]
         for variant in variants(settings)
     }
     scales = normal_scales(traces[PUBLISHED], list(size.normal), settings)
     normal = {variant: index_statistics(own) for variant, own in traces.items()}
 
-    driven = sum(hours.values()) / len(traces)
-    chosen = _choose(run, size, settings, scales, files, tag, round(driven * FALSE_EVENTS_PER_HOUR))
+    allowed = round(sum(hours.values()) * FALSE_EVENTS_PER_HOUR)
+    chosen = _choose(run, settings, scales, files, tag, allowed)
     plain_choice = {
         name: {signal: choice.setting for signal, choice in by_signal.items()}
         for name, by_signal in chosen.items()
@@ -160,17 +165,14 @@ def evaluate_paper(
             Task(
                 f"cell/{cell.key if cell else 'nothing'}/{name}/{judged}",
                 compare_on,
-                (cell, name, 1, settings, scales, plain_choice),
+                (cell, name, 1, settings, scales, plain_choice, _with_variants(cell)),
             )
             for cell in cells
-            for name in size.cell_drives
+            for name in size.drives_of(cell)
         ]
     )
-    results = list(compared.values())
-    by_cell = [
-        (cell, results[k * len(size.cell_drives) : (k + 1) * len(size.cell_drives)])
-        for k, cell in enumerate(cells)
-    ]
+    results = iter(compared.values())
+    by_cell = [(cell, [next(results) for _ in size.drives_of(cell)]) for cell in cells]
     rows = [row for cell, own in by_cell if cell is not None for row in detector_rows(cell, own)]
     matrix = confusion(
         [
@@ -185,10 +187,9 @@ def evaluate_paper(
 
 def _choose(
     run: Callable[[list[Task]], dict[str, Any]],
-    size: Size,
     settings: GraphSettings,
     scales: NormalScales,
-    files: dict[tuple[str, str], Path],
+    files: dict[str, dict[str, Path]],
     tag: str,
     allowed: int,
 ) -> dict[str, dict[str, Choice]]:
@@ -200,16 +201,21 @@ def _choose(
             Task(
                 f"count/{detector.name}/{name}/{learnt}",
                 count_normal,
-                (number, files[detector.variant, name], settings, scales),
+                (number, own[detector.variant], settings, scales),
             )
             for number, detector in enumerate(found)
-            for name in size.normal
+            for name, own in files.items()
         ]
     )
     results = list(counted.values())
-    drives = len(size.normal)
+    drives = len(files)
     counts = [results[k * drives : (k + 1) * drives] for k in range(len(found))]
     return choose_settings(found, counts, allowed)
+
+
+def _with_variants(cell: Cell | None) -> bool:
+    """What the parts are worth is asked of offsets, the faults that the paper is about."""
+    return cell is None or cell.kind == "offset"
 
 
 def _is_paper_size(cell: Cell) -> bool:

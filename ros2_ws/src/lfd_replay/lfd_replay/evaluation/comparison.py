@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_diagnosis.verdict import State
+from lfd_mpc.settings import STEP_S
 from lfd_replay.evaluation.cases import load_drive
 from lfd_replay.evaluation.cusum import Cusum, residuals
 from lfd_replay.evaluation.detectors import (
@@ -22,10 +23,9 @@ from lfd_replay.evaluation.fault_windows import LENGTH, WARM_UP, Cell
 from lfd_replay.evaluation.kalman import KalmanGate, LeadModel
 from lfd_replay.evaluation.normal_driving import following
 from lfd_replay.evaluation.statistics import median, rate
-from lfd_replay.evaluation.trace import JUDGED, Trace, load_trace, record_trace
-from lfd_replay.evaluation.variants import LINEAR, SINGLE, variants
+from lfd_replay.evaluation.trace import JUDGED, Trace, load_trace
+from lfd_replay.evaluation.variants import trace_variants, variants
 from lfd_replay.faults import Fault, FaultInjector, truth_windows
-from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import GraphSettings
 from lfd_replay.score import find_windows, inside
 
@@ -50,13 +50,13 @@ class NormalScales:
     residual_deviation: tuple[float, ...]
 
 
-def record_normal(name: str, variant: str, settings: GraphSettings, file: Path) -> float:
-    """Put a normal drive through a variant of the graph, keep its trace; returns its hours."""
+def record_normal(name: str, settings: GraphSettings, files: dict[str, Path]) -> float:
+    """Put a normal drive through all variants, keep the traces in files; returns its hours."""
     drive = load_drive(name, None)
-    graph = OfflineGraph(variants(settings)[variant])
-    trace = record_trace(graph.run(drive.samples), drive.zero)
-    trace.save(file)
-    return len(trace.stamps) * 0.01 / 3600.0
+    traces = trace_variants(variants(settings), drive.samples, drive.zero)
+    for variant, trace in traces.items():
+        trace.save(files[variant])
+    return len(traces[PUBLISHED].stamps) * STEP_S / 3600.0
 
 
 def normal_scales(traces: list[Trace], names: list[str], settings: GraphSettings) -> NormalScales:
@@ -81,13 +81,17 @@ def normal_scales(traces: list[Trace], names: list[str], settings: GraphSettings
     )
 
 
-def detectors(settings: GraphSettings, scales: NormalScales) -> list[Detector]:
+def detectors(
+    settings: GraphSettings, scales: NormalScales, with_variants: bool = True
+) -> list[Detector]:
     """All that are compared."""
     motion = settings.bank
     return [
-        CountedIndex("paper", PUBLISHED, settings.diagnosis),
-        CountedIndex(SINGLE, SINGLE, settings.diagnosis),
-        CountedIndex(LINEAR, LINEAR, settings.diagnosis),
+        *(
+            CountedIndex(name, name, changed.diagnosis)
+            for name, changed in variants(settings).items()
+            if with_variants or name == PUBLISHED
+        ),
         KalmanGate(
             (scales.scan_noise[0], scales.scan_noise[1]),
             LeadModel(motion.lead_acceleration_mean, motion.lead_acceleration_std),
@@ -129,6 +133,7 @@ def compare_on(
     settings: GraphSettings,
     scales: NormalScales,
     chosen: dict[str, dict[str, float]],
+    with_variants: bool,
 ) -> dict:
     """Faults of one cell on one normal drive: what every detector makes of each window.
 
@@ -142,12 +147,12 @@ def compare_on(
     else:
         starts = [fault.start * 1e-9 for fault in faults]
     samples = FaultInjector(faults, drive.zero, seed).apply(drive.samples)
-    traces = {
-        variant: record_trace(OfflineGraph(changed).run(samples), drive.zero)
-        for variant, changed in variants(settings).items()
-    }
+    compared = detectors(settings, scales, with_variants)
+    needed = {detector.variant for detector in compared}
+    chosen_variants = {k: v for k, v in variants(settings).items() if k in needed}
+    traces = trace_variants(chosen_variants, samples, drive.zero)
     result = {}
-    for detector in detectors(settings, scales):
+    for detector in compared:
         trace = traces[detector.variant]
         scores = detector.scores(trace)
         result[detector.name] = _judge(
