@@ -5,7 +5,10 @@ FAULT ?=
 RATE ?= 1.0
 PROFILE ?= paper
 
-.PHONY: setup replay test lint parameters clean
+FULL ?=
+RECORDED ?= ../shared/data
+
+.PHONY: setup replay evaluate test lint parameters clean
 
 setup:
 	@command -v git >/dev/null || { echo "setup: missing: git" >&2; exit 1; }
@@ -14,6 +17,9 @@ setup:
 
 replay: setup
 	@./run lfd_bringup replay --drive '$(DRIVE)' --fault '$(FAULT)' --rate '$(RATE)' --profile '$(PROFILE)' --out out/replay
+
+evaluate: setup
+	@./run lfd_replay paper_evaluation --out out/evaluate --recorded '$(RECORDED)' --profile '$(PROFILE)' $(if $(filter-out 0,$(FULL)),--full)
 
 test: setup
 	@tools/test
