@@ -7,8 +7,9 @@ from test_live_equals_offline import drive
 
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.offline import OfflineGraph
+from lfd_replay.panels import RecordedStep
 from lfd_replay.profiles import graph_settings
-from lfd_replay.report import RecordedStep, write_report
+from lfd_replay.report import write_report
 from lfd_replay.score import score, timeline
 
 
@@ -32,7 +33,7 @@ def test_the_page_holds_everything_itself_and_tells_what_happened(tmp_path: Path
     assert "offset:acceleration=4@1-2" in page
     for panel in ("clearance (m)", "fault index", "confidence (steps)", "verdict"):
         assert panel in page
-    assert '<span class="FAULT">FAULT</span>' in page and "observers exclude" in page
+    assert '<td class="FAULT">FAULT</td>' in page and "observers exclude" in page
 
 
 def test_a_drive_without_steps_says_so(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from lfd_msgs.msg import (
 )
 from lfd_observer.bank import BankState
 from lfd_replay.drive_bag import write_bag
-from lfd_replay.report import RecordedStep
+from lfd_replay.panels import RecordedStep
 
 TOPICS = {
     "radar/target": RadarTarget,

@@ -14,9 +14,10 @@ from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.offline import GraphStep, OfflineGraph
+from lfd_replay.panels import RecordedStep
 from lfd_replay.profiles import PROFILES, graph_settings
 from lfd_replay.read_drive import parse_mapping, read_drive
-from lfd_replay.report import RecordedStep, write_report
+from lfd_replay.report import write_report
 from lfd_replay.score import SUMMARY_COLUMNS, score, summary_rows, timeline
 from lfd_replay.text_file import write_text
 

@@ -19,6 +19,7 @@ from lfd_replay.evaluate import print_table
 from lfd_replay.evaluation import summary
 from lfd_replay.evaluation.campaign import evaluate_paper, full, plain
 from lfd_replay.evaluation.cases import RECORDED
+from lfd_replay.evaluation.page import write_evaluation_page
 from lfd_replay.profiles import PROFILES, graph_settings
 from lfd_replay.text_file import write_text
 
@@ -29,13 +30,6 @@ def recorded_drive(folder: Path) -> Path | None:
         return folder
     print(f"NOT RUN on the recorded drive: {folder} holds no {RECORDED}_lead.csv", file=sys.stderr)
     return None
-
-
-def _table(title: str, columns: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
-    table = Table(*columns, title=title, title_justify="left")
-    for row in rows:
-        table.add_row(*row)
-    return table
 
 
 def main_paper_evaluation(arguments: list[str]) -> int:
@@ -70,7 +64,12 @@ def main_paper_evaluation(arguments: list[str]) -> int:
     recorded = recorded_drive(options.recorded)
     started = time.perf_counter()
     console = Console(stderr=True)
-    columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
     # Started afresh, so that a worker holds nothing of the parent's threads.
     context = multiprocessing.get_context("spawn")
     with (
@@ -78,23 +77,22 @@ def main_paper_evaluation(arguments: list[str]) -> int:
         ProcessPoolExecutor(options.jobs, mp_context=context) as pool,
     ):
         bar = progress.add_task("evaluating", total=size.tasks)
-        work = options.out / "work"
-        found = evaluate_paper(size, settings, recorded, work, pool, lambda: progress.advance(bar))
+        found = evaluate_paper(
+            size, settings, recorded, options.out / "work", pool, lambda: progress.advance(bar)
+        )
+        progress.update(bar, description="drawing")
+        page = write_evaluation_page(
+            found, recorded, options.out, pool, lambda: progress.advance(bar)
+        )
     elapsed = time.perf_counter() - started
     result = summary.summary(found, options.profile, options.full, elapsed)
     write_text(options.out / "summary.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
-    for table in (
-        _table("Detectors", summary.DETECTOR_COLUMNS, summary.detector_table_rows(found)),
-        _table(
-            "Settings with equal false events", summary.SETTING_COLUMNS, summary.setting_rows(found)
-        ),
-        _table("Injected against reported", *summary.confusion_rows(found)),
-        _table("Table 1: indices on normal drives", summary.NORMAL_COLUMNS,
-               summary.normal_rows(found)),
-        _table("Table 3", summary.CASE_COLUMNS, summary.case_rows(found)),
-    ):  # fmt: skip
+    for title, columns_of, rows in summary.tables(found):
+        table = Table(*columns_of, title=title, title_justify="left")
+        for row in rows:
+            table.add_row(*row)
         print_table(table)
-    print(f"{elapsed:.0f} s; figures: {options.out / 'summary.json'}")
+    print(f"{elapsed:.0f} s   page: {page}   figures: {options.out / 'summary.json'}")
     return 0
 
 

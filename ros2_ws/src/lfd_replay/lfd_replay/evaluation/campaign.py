@@ -63,7 +63,7 @@ class Size:
     def tasks(self) -> int:
         """Upper estimate of the number of tasks, for the progress bar."""
         cells = sum(len(self.drives_of(cell)) for cell in (None, *self.cells))
-        return 13 * self.starts + 6 * len(self.normal) + cells
+        return 13 * (self.starts + 1) + 6 * len(self.normal) + cells
 
 
 def plain() -> Size:

@@ -4,7 +4,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lfd_diagnosis.verdict import SIGNALS
+from lfd_mpc.sampling import ACCELERATION, RADAR
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.fault_windows import PAPER
 from lfd_replay.faults import FaultInjector, parse_faults
@@ -13,6 +17,8 @@ from lfd_replay.import_drive import join_drive
 from lfd_replay.offline import GraphStep, OfflineGraph
 from lfd_replay.profiles import GraphSettings
 from lfd_replay.score import score, timeline
+
+Array = NDArray[np.float64]
 
 RECORDED = "comma2k19_rav4_seg40"
 """The recorded drive, by the beginning of its files' names."""
@@ -48,6 +54,11 @@ class Case:
     def title(self) -> str:
         """A name for people."""
         return f"{self.drive}: {self.combination}"
+
+    @property
+    def key(self) -> str:
+        """A name for files."""
+        return f"{self.drive}-{'-'.join(self.combination.split(', '))}".replace("_", "-")
 
     def fault_texts(self, phase: float) -> list[str]:
         """The fault as the command line takes it, `phase` s later than the paper's."""
@@ -95,6 +106,26 @@ def run_case(
     return drive, steps, sensors
 
 
+def added(drive: Drive, case: Case, phase: float) -> dict[str, tuple[Array, Array]]:
+    """What a case's fault adds to each signal: times in s, and the difference, by signal."""
+    injector = FaultInjector(parse_faults(case.fault_texts(phase)), drive.zero, 0)
+    points: dict[str, list[tuple[float, float]]] = {name: [] for name, _ in PAPER}
+    for sample in drive.samples:
+        changed = injector(sample)
+        for name, field in _FIELDS.items():
+            if sample.input == field[0] and changed is not None:
+                difference = getattr(changed, field[1]) - getattr(sample, field[1])
+                points[name].append(((sample.stamp - drive.zero) * 1e-9, difference))
+    return {name: tuple(np.array(rows).reshape(-1, 2).T) for name, rows in points.items()}
+
+
+_FIELDS = {
+    "clearance": (RADAR, "clearance"),
+    "relative_velocity": (RADAR, "relative_velocity"),
+    "acceleration": (ACCELERATION, "value"),
+}
+
+
 def score_case(case: Case, phase: float, settings: GraphSettings, recorded: Path | None) -> dict:
     """The contract's figures of one case."""
     return run_case(case, phase, settings, recorded)[2]
@@ -134,3 +165,8 @@ def summarise_phases(case: Case, scored: list[dict]) -> dict:
             "wrong_blame_s": sum(blamed) / len(figures) if healthy and injected else 0.0,
         }
     return sensors
+
+
+def combination_title(combination: str) -> str:
+    """A combination of Table 3 in words."""
+    return " and ".join(name.replace("_", " ") for name in COMBINATIONS[combination]) or "no fault"

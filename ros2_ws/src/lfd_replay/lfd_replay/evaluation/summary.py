@@ -4,7 +4,7 @@ from dataclasses import asdict
 
 from lfd_diagnosis.verdict import SIGNALS
 from lfd_replay.evaluation.campaign import Evaluation
-from lfd_replay.evaluation.cases import COMBINATIONS, RECORDED
+from lfd_replay.evaluation.cases import RECORDED
 from lfd_replay.evaluation.comparison import AS_PUBLISHED
 from lfd_replay.evaluation.detectors import PUBLISHED
 from lfd_replay.evaluation.normal_driving import IndexStatistics
@@ -176,6 +176,12 @@ def confusion_rows(evaluation: Evaluation) -> tuple[tuple[str, ...], Rows]:
     ]
 
 
-def combination_title(combination: str) -> str:
-    """A combination of Table 3 in words."""
-    return " and ".join(name.replace("_", " ") for name in COMBINATIONS[combination]) or "no fault"
+def tables(found: Evaluation) -> list[tuple[str, tuple[str, ...], Rows]]:
+    """Title, columns and rows of every table, the most important one last."""
+    return [
+        ("Every fault, every detector", DETECTOR_COLUMNS, detector_table_rows(found)),
+        ("Settings with equal false events", SETTING_COLUMNS, setting_rows(found)),
+        ("Injected against reported, paper profile", *confusion_rows(found)),
+        ("Table 1: indices on normal drives", NORMAL_COLUMNS, normal_rows(found)),
+        ("Table 3", CASE_COLUMNS, case_rows(found)),
+    ]

@@ -1,0 +1,115 @@
+"""The page of the evaluation, and its figures as files."""
+
+import pickle
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+from lfd_replay.evaluation import summary
+from lfd_replay.evaluation.campaign import Evaluation
+from lfd_replay.evaluation.cases import RECORDED, Case, added, combination_title, run_case
+from lfd_replay.evaluation.detectors import PUBLISHED
+from lfd_replay.faults import parse_faults
+from lfd_replay.figure_files import write_figure
+from lfd_replay.figure_page import cases_html, figure_html, table_html, write_page
+from lfd_replay.figures import Figure
+from lfd_replay.panels import RecordedStep, Recording
+from lfd_replay.paper_figures import (
+    case_figure,
+    confusion_figure,
+    detector_curves,
+    eigenvalue_figure,
+    index_histograms,
+    limits_figure,
+    mpc_figure,
+    reconstruction_figure,
+)
+from lfd_replay.profiles import GraphSettings
+
+
+def case_title(case: Case) -> str:
+    """A case in words."""
+    drive = "recorded drive" if case.drive == RECORDED else case.drive
+    return f"{drive}: {combination_title(case.combination)}"
+
+
+def figures_of_case(
+    case: Case, settings: GraphSettings, recorded: Path | None, folder: Path
+) -> bytes:
+    """Figures of one case, pickled: its panels, and the paper's others for a fault-free drive.
+
+    Each is left in `folder` as a file.
+    """
+    drive, steps, _ = run_case(case, 0.0, settings, recorded)
+    faults = parse_faults(case.fault_texts(0.0))
+    recording = Recording(
+        [RecordedStep(step.horizon, step.bank, step.outcome.report) for step in steps],
+        drive.zero,
+        faults,
+    )
+    figures = [
+        case_figure(
+            case.key,
+            case_title(case),
+            recording,
+            added(drive, case, 0.0),
+            settings.diagnosis,
+        )
+    ]
+    if not faults:
+        name = "recorded drive" if case.drive == RECORDED else case.drive
+        figures += [
+            mpc_figure(f"mpc-{case.drive}", f"{name}: the controller (Figs 6, 18)", recording),
+            reconstruction_figure(
+                f"reconstruction-{case.drive}", f"{name}: reconstruction (Fig 8)", recording
+            ),
+            limits_figure(
+                f"limits-{case.drive}", f"{name}: acceleration limits (Fig 9)", recording
+            ),
+        ]
+    for figure in figures:
+        write_figure(figure, folder)
+    return pickle.dumps(figures)
+
+
+def write_evaluation_page(
+    found: Evaluation,
+    recorded: Path | None,
+    folder: Path,
+    pool: ProcessPoolExecutor,
+    done: Callable[[], None],
+) -> Path:
+    """Write `index.html` and `figures/` into a folder; returns the page's path."""
+    drawn: list[list[Figure]] = []
+    futures = [
+        pool.submit(figures_of_case, case, found.settings, recorded, folder / "figures")
+        for case, _, _ in found.cases
+    ]
+    for future in futures:
+        drawn.append(pickle.loads(future.result()))
+        done()
+    normal = found.normal[PUBLISHED]
+    others = [
+        eigenvalue_figure(found.settings.mpc),
+        index_histograms(normal.values, normal.zero_share),
+        detector_curves(found.rows, "rate"),
+        detector_curves(found.rows, "delay"),
+        confusion_figure(found.confusion),
+    ]
+    for figure in others:
+        write_figure(figure, folder / "figures")
+    # The paper shows these of data-1; the files hold them of every fault-free drive.
+    of_first = drawn[0][1:]
+    body = [
+        *_tables(found),
+        cases_html([figures[0] for figures in drawn]),
+        *(figure_html(figure) for figure in (others[0], *of_first, *others[1:])),
+    ]
+    path = folder / "index.html"
+    write_page(path, "The paper's evaluation", body)
+    return path
+
+
+def _tables(found: Evaluation) -> Iterable[str]:
+    for title, columns, rows in summary.tables(found):
+        yield table_html(columns, rows, title)

@@ -1,0 +1,148 @@
+"""What a figure shows, independent of how it is drawn: for the page and for files alike."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Interval = tuple[float, float]
+
+COLOURS = {
+    "clearance": "#0072B2",
+    "relative_velocity": "#D55E00",
+    "acceleration": "#009E73",
+    "radar": "#CC79A7",
+}
+"""Okabe and Ito's palette: told apart by colour-blind readers too."""
+
+SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#000000", "#E69F00")
+"""Colours of series that are no signals, in this order."""
+
+GREY, DARK = "#999999", "#444444"
+SHADES = ("#D0D0D0", "#B8B8B8", "#A0A0A0", "#888888", "#606060", "#303030")
+"""Of one kind of line, from the first one on; later ones lie on top."""
+
+FAULTY, INJECTED, UNJUDGED = "#B22222", "#E6B800", "#D9D9D9"
+
+POINTS = 2000
+"""A line is thinned to about so many points: finer than a screen, and small enough for a page."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """`y` (n,) over `x` (n,); NaN interrupts it. `legend`: whether it has an entry of its own."""
+
+    name: str
+    x: Array
+    y: Array
+    colour: str
+    width: float = 1.2
+    dashed: bool = False
+    legend: bool = True
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points with error bars from `low` to `high` (n,), joined by a line."""
+
+    name: str
+    x: Array
+    y: Array
+    colour: str
+    low: Array | None = None
+    high: Array | None = None
+    joined: bool = True
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Bars of height `y` (n,) at `x` (n,)."""
+
+    name: str
+    x: Array
+    y: Array
+    colour: str
+
+
+@dataclass(frozen=True)
+class HeatMap:
+    """`z` (len(y), len(x)) from white (0) to `colour` (1); `texts` of the same shape, or none."""
+
+    name: str
+    x: Array | list[str]
+    y: Array | list[str]
+    z: Array
+    colour: str
+    texts: list[list[str]] | None = None
+
+
+@dataclass(frozen=True)
+class Spans:
+    """Thick lines from start to end of each interval, in a lane of the panel."""
+
+    name: str
+    intervals: list[Interval]
+    lane: int
+    shift: float
+    colour: str
+    legend: bool
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A dashed line across the panel."""
+
+    y: float
+    colour: str
+
+
+Mark = Line | Points | Bars | HeatMap | Spans | Limit
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One set of axes.
+
+    `shaded`: intervals of x with a coloured ground; `lanes`: names on y; `x_ticks`: where the
+    x axis is labelled, if not anywhere.
+    """
+
+    title: str
+    x_label: str
+    y_label: str
+    marks: list[Mark]
+    shaded: list[Interval] = field(default_factory=list)
+    lanes: list[str] = field(default_factory=list)
+    x_ticks: list[float] = field(default_factory=list)
+    log_x: bool = False
+    log_y: bool = False
+    y_range: Interval | None = None
+    height: float = 1.0
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Panels below each other, or in `columns`; `says` is the line that tells what is seen."""
+
+    key: str
+    title: str
+    says: str
+    panels: list[Panel]
+    columns: int = 1
+
+
+def thinned(x: Array, y: Array) -> tuple[Array, Array]:
+    """A long line with fewer points, extremes kept: lowest and highest of each stretch in turn."""
+    stretch = -(-len(x) // (POINTS // 2))
+    if stretch < 3:
+        return x, y
+    count = len(x) // stretch
+    rows = y[: count * stretch].reshape(count, stretch)
+    start = np.arange(count) * stretch
+    filled = np.isfinite(rows).any(axis=1)
+    low, high = start.copy(), start + 1
+    low[filled] += np.nanargmin(rows[filled], axis=1)
+    high[filled] = start[filled] + np.nanargmax(rows[filled], axis=1)
+    keep = np.unique(np.concatenate([low, high, np.arange(count * stretch, len(x))]))
+    return x[keep], y[keep]

@@ -1,0 +1,299 @@
+"""The paper's figures from data: what each one shows, and the line that says so."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lfd_diagnosis.settings import DiagnosisSettings
+from lfd_mpc.prediction_model import build_prediction_model
+from lfd_mpc.settings import STEP_S, MpcSettings
+from lfd_replay.figures import (
+    COLOURS,
+    DARK,
+    SERIES,
+    Bars,
+    Figure,
+    HeatMap,
+    Interval,
+    Line,
+    Panel,
+    Points,
+)
+from lfd_replay.panels import (
+    INDEXED,
+    TIME,
+    Recording,
+    acceleration_panel,
+    contour_panels,
+    index_panel,
+    label,
+    measured_panel,
+    output_error_panel,
+    verdict_panel,
+)
+
+Array = NDArray[np.float64]
+
+UNITS = {"clearance": "m", "relative_velocity": "m/s", "acceleration": "m/s²"}
+
+
+def case_figure(
+    key: str,
+    title: str,
+    recording: Recording,
+    injected: dict[str, tuple[Array, Array]],
+    settings: DiagnosisSettings,
+) -> Figure:
+    """Panels (a) to (f) of Figs 14 to 24.
+
+    `injected`: for each signal, times in s and what the fault added there.
+    """
+    faults = Panel(
+        "(a) injected fault signals",
+        TIME,
+        "m, m/s, m/s²",
+        [
+            Line(f"{label(signal)}, injected", *injected[signal], COLOURS[signal])
+            for signal in INDEXED
+        ],
+        height=0.8,
+    )
+    panels = [
+        faults,
+        _lettered("b", output_error_panel(recording)),
+        *(_lettered("c", panel) for panel in contour_panels(recording, settings)),
+        _lettered("d", acceleration_panel(recording)),
+        _lettered("e", index_panel(recording)),
+        _lettered("f", verdict_panel(recording)),
+    ]
+    says = (
+        "From top to bottom: what was added to the signals; how far the observers are off; which "
+        "of the 20 stored predictions exclude the measurement; the host's acceleration between "
+        "the limits of all observers; the indices with their thresholds (dashed); and the verdict."
+    )
+    return Figure(key, title, says, panels)
+
+
+def _lettered(letter: str, panel: Panel) -> Panel:
+    return Panel(**{**vars(panel), "title": f"({letter}) {panel.title}"})
+
+
+def eigenvalue_figure(settings: MpcSettings) -> Figure:
+    """Fig 5."""
+    values = build_prediction_model(settings).eigenvalues
+    points = Points("eigenvalues", values, np.zeros(len(values)), SERIES[0], joined=False)
+    says = (
+        f"All {len(values)} eigenvalues are real and positive, from {values[0]:.4f} to "
+        f"{values[-1]:.2f}: the quadratic program has one solution."
+    )
+    panel = Panel("eigenvalues of P", "real part", "imaginary part", [points], log_x=True)
+    return Figure("fig-5", "Eigenvalues of P (Fig 5)", says, [panel])
+
+
+def mpc_figure(key: str, title: str, recording: Recording) -> Figure:
+    """Figs 6 and 18: velocities, the controller's acceleration, and its predictions."""
+    time = recording.time
+    host = recording.horizon("host_speed")
+    lead = host + recording.horizon("relative_velocity")
+    panels = [
+        Panel(
+            "velocities (m/s)",
+            TIME,
+            "m/s",
+            [Line("lead", time, lead, SERIES[1]), Line("host", time, host, SERIES[0])],
+        ),
+        Panel(
+            "acceleration: what the controller wants, and what the driver does (m/s²)",
+            TIME,
+            "m/s²",
+            [
+                Line("wanted by the controller", time, recording.horizon("command"), SERIES[4]),
+                Line(
+                    "host, measured",
+                    time,
+                    recording.horizon("acceleration"),
+                    COLOURS["acceleration"],
+                ),
+            ],
+        ),
+        measured_panel(recording, "clearance", "m"),
+        measured_panel(recording, "relative_velocity", "m/s"),
+    ]
+    says = (
+        "The controller plans from the measured state at each step. The car is not driven by it "
+        "here, so what it would do differently from the driver comes back as prediction error."
+    )
+    return Figure(key, title, says, panels)
+
+
+def reconstruction_figure(key: str, title: str, recording: Recording) -> Figure:
+    """Fig 8: the relative acceleration that the first observer reconstructs."""
+    time = recording.time
+    reconstructed = recording.bank("relative_acceleration")[:, 0]
+    velocity = recording.horizon("relative_velocity")
+    half = round(0.5 / STEP_S)
+    # Only to compare with: it looks half a second ahead, which the observer cannot.
+    differentiated = np.full(len(velocity), np.nan)
+    differentiated[half:-half] = (velocity[2 * half :] - velocity[: -2 * half]) / (
+        2 * half * STEP_S
+    )
+    panels = [
+        Panel(
+            "relative acceleration (m/s²)",
+            TIME,
+            "m/s²",
+            [
+                Line("reconstructed by the observer", time, reconstructed, SERIES[0], 0.8),
+                Line("relative velocity, differentiated over 1 s", time, differentiated, SERIES[1]),
+            ],
+        ),
+        Panel(
+            "output error of the observer (m + m/s)",
+            TIME,
+            "m + m/s",
+            [Line("output error", time, recording.bank("output_error")[:, 0], DARK, 0.8)],
+        ),
+    ]
+    off = np.nanstd(reconstructed - differentiated)
+    says = (
+        f"The equivalent injection follows the relative acceleration; it differs from the "
+        f"derivative, taken afterwards, by {off:.2f} m/s² rms, most of it the injection's ripple."
+    )
+    return Figure(key, title, says, panels)
+
+
+def limits_figure(key: str, title: str, recording: Recording) -> Figure:
+    """Fig 9: the limits of one observer, and of all."""
+    single = acceleration_panel(recording, observers=1)
+    several = acceleration_panel(recording)
+    says = (
+        "One observer gives one pair of limits that swings with each scan; observers fed with "
+        "earlier predictions add pairs that swing less, and the index counts how many exclude."
+    )
+    return Figure(
+        key,
+        title,
+        says,
+        [
+            Panel(**{**vars(single), "title": "(a) single observer"}),
+            Panel(**{**vars(several), "title": "(b) all observers"}),
+        ],
+    )
+
+
+def index_histograms(values: dict[str, Array], zero_share: dict[str, float]) -> Figure:
+    """Figs 11 and 12: the indices of normal driving that are not zero; `values` by signal."""
+    edges = np.linspace(0.0, 1.0, 21)
+    panels = []
+    for signal in INDEXED:
+        counts, _ = np.histogram(values[signal], bins=edges)
+        share = counts / max(counts.sum(), 1)
+        centres = (edges[1:] + edges[:-1]) / 2
+        panels.append(
+            Panel(
+                f"{label(signal)}: zero {zero_share[signal]:.1%} of the time",
+                "index",
+                "share of those above zero",
+                [Bars(label(signal), centres, share, COLOURS[signal])],
+            )
+        )
+    says = (
+        f"In fault-free driving all three indices are zero {zero_share['all']:.1%} of the time "
+        "(the paper: about 94 %); the bars are what remains."
+    )
+    return Figure("fig-11-12", "Fault indices of normal driving (Figs 11, 12)", says, panels, 3)
+
+
+def detector_curves(rows: list[dict], figure: str) -> Figure:
+    """Detection rate or delay against the size of an offset, one line per detector.
+
+    `rows` as in `summary.json`; `figure` is `rate` or `delay`.
+    """
+    value, low, high = (
+        ("detected", "detected_low", "detected_high")
+        if figure == "rate"
+        else ("delay_s", "delay_low_s", "delay_high_s")
+    )
+    offsets = [r for r in rows if r["kind"] == "offset" and len(r["injected"]) == 1]
+    names = list(dict.fromkeys(row["name"] for row in offsets))
+    panels = []
+    for signal in INDEXED:
+        marks: list = []
+        for number, name in enumerate(names):
+            own = sorted(
+                (r for r in offsets if r["name"] == name and r["signal"] == signal),
+                key=lambda row: row["size"],
+            )
+            own = [row for row in own if row[value] is not None]
+            if own:
+                # Side by side, so that intervals do not hide each other.
+                shift = 1.0 + 0.03 * (number - len(names) / 2)
+                columns = [np.array([row[c] for row in own]) for c in ("size", value, low, high)]
+                marks.append(
+                    Points(
+                        name, columns[0] * shift, columns[1], SERIES[number], columns[2], columns[3]
+                    )
+                )
+        y_range: Interval | None = (-0.05, 1.05) if figure == "rate" else None
+        y_label = "share of windows found" if figure == "rate" else "delay (s)"
+        panels.append(
+            Panel(
+                f"{label(signal)}",
+                f"offset ({UNITS[signal]})",
+                y_label,
+                marks,
+                log_x=True,
+                log_y=figure == "delay",
+                x_ticks=sorted({row["size"] for row in offsets if row["signal"] == signal}),
+                y_range=y_range,
+            )
+        )
+    title, says = (
+        (
+            "How many faults are found, against their size",
+            "Share of 4 s windows in which a detector raised a fault of the injected signal.",
+        )
+        if figure == "rate"
+        else (
+            "How soon faults are found, against their size",
+            "Median delay of those that were found; where few are found it means little.",
+        )
+    )
+    says += (
+        " All detectors but the published one are set to the same number of false events on the "
+        "normal drives. Bars are 95 % intervals."
+    )
+    return Figure(f"detector-{figure}", title, says, panels, 3)
+
+
+def confusion_figure(matrices: dict[str, dict[str, dict[str, int]]]) -> Figure:
+    """Fault injected against fault reported, in windows, for each detector."""
+    panels = []
+    for name, matrix in matrices.items():
+        counts = np.array([list(row.values()) for row in matrix.values()], dtype=float)
+        total = counts.sum(axis=1, keepdims=True)
+        panels.append(
+            Panel(
+                name,
+                "reported",
+                "injected",
+                [
+                    HeatMap(
+                        "share of the row",
+                        [_broken(text) for text in matrix],
+                        list(reversed(list(matrix))),
+                        np.divide(counts, total, where=total > 0, out=np.zeros_like(counts))[::-1],
+                        SERIES[0],
+                        [[f"{c:.0f}" for c in row] for row in counts[::-1]],
+                    )
+                ],
+            )
+        )
+    says = (
+        "Windows of the paper's fault sizes, by what was injected (rows) and what was reported "
+        "(columns) within them; on the diagonal both agree."
+    )
+    return Figure("confusion", "Isolation: injected against reported", says, panels, 2)
+
+
+def _broken(text: str) -> str:
+    return text.replace(" and ", " and\n").replace("relative velocity", "relative\nvelocity")
