@@ -166,8 +166,8 @@ def limits_figure(key: str, title: str, recording: Recording) -> Figure:
     single = acceleration_panel(recording, observers=1)
     several = acceleration_panel(recording)
     says = (
-        "One observer gives one pair of limits that swings with each scan; observers fed with "
-        "earlier predictions add pairs that swing less, and the index counts how many exclude."
+        "One observer gives one pair of limits; those fed with earlier predictions add a pair "
+        "each, and the index is the weighted share of pairs that exclude the acceleration."
     )
     return Figure(
         key,

@@ -1,7 +1,7 @@
 """The page of the evaluation, and its figures as files."""
 
 import pickle
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
@@ -98,18 +98,14 @@ def write_evaluation_page(
     ]
     for figure in others:
         write_figure(figure, folder / "figures")
-    # The paper shows these of data-1; the files hold them of every fault-free drive.
-    of_first = drawn[0][1:]
+    *detail, injected, table_1, table_3 = summary.tables(found)
     body = [
-        *_tables(found),
+        *(table_html(columns, rows, title) for title, columns, rows in (table_3, table_1)),
         cases_html([figures[0] for figures in drawn]),
-        *(figure_html(figure) for figure in (others[0], *of_first, *others[1:])),
+        # The paper shows these of data-1; the files hold them of every fault-free drive.
+        *(figure_html(figure) for figure in (others[0], *drawn[0][1:], *others[1:])),
+        *(table_html(columns, rows, title) for title, columns, rows in (injected, *detail)),
     ]
     path = folder / "index.html"
     write_page(path, "The paper's evaluation", body)
     return path
-
-
-def _tables(found: Evaluation) -> Iterable[str]:
-    for title, columns, rows in summary.tables(found):
-        yield table_html(columns, rows, title)

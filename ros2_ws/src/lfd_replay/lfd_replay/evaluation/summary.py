@@ -93,10 +93,10 @@ def _verdict(figures: dict) -> str:
         return wrong or "-"
     if not figures["found"]:
         return f"missed, {wrong}" if wrong else "missed"
-    low, high = figures["delay_min_s"] * 1000, figures["delay_max_s"] * 1000
+    low, high = f"{figures['delay_min_s'] * 1000:.0f}", f"{figures['delay_max_s'] * 1000:.0f}"
     parts = [
         f"{figures['found']} of {figures['starts']}",
-        f"{low:.0f}-{high:.0f} ms",
+        f"{low} ms" if low == high else f"{low}-{high} ms",
         f"{figures['flagged_fraction']:.0%}",
     ]
     return ", ".join([*parts, wrong] if wrong else parts)
@@ -116,8 +116,10 @@ def normal_rows(evaluation: Evaluation) -> Rows:
                     signal,
                     variant,
                     f"{found.zero_share[signal]:.1%}",
-                    f"{found.mean[signal]:.3f}",
-                    f"{found.std[signal]:.3f}",
+                    *(
+                        f"{figure:.3f}" if figure == figure else "-"
+                        for figure in (found.mean[signal], found.std[signal])
+                    ),
                     f"{mean:.3f} +- {std:.3f}" if variant == PUBLISHED else "",
                     f"{found.false_events_per_hour[signal]:.1f}",
                 )

@@ -1,0 +1,228 @@
+"""The page in a real browser: it loads, every figure is drawn, a case can be chosen."""
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import Select, WebDriverWait
+from test_live_equals_offline import drive
+
+from lfd_replay.faults import FaultInjector, parse_faults
+from lfd_replay.figure_files import write_figure
+from lfd_replay.figure_page import cases_html, figure_html, table_html, write_page
+from lfd_replay.figures import POINTS, Figure, thinned
+from lfd_replay.offline import OfflineGraph
+from lfd_replay.panels import INDEXED, RecordedStep, Recording
+from lfd_replay.paper_figures import (
+    case_figure,
+    confusion_figure,
+    detector_curves,
+    eigenvalue_figure,
+    index_histograms,
+    limits_figure,
+    mpc_figure,
+    reconstruction_figure,
+)
+from lfd_replay.profiles import graph_settings
+
+SETTINGS = graph_settings("paper")
+WIDTHS = (1300, 1024)
+
+
+def record(fault: str) -> Recording:
+    faults = parse_faults([fault] if fault else [])
+    samples = FaultInjector(faults, 0, seed=0).apply(drive(4.0))
+    steps = OfflineGraph(SETTINGS).run(samples)
+    return Recording([RecordedStep(s.horizon, s.bank, s.outcome.report) for s in steps], 0, faults)
+
+
+def case(key: str, fault: str) -> Figure:
+    injected = {name: (np.array([0.0, 4.0]), np.zeros(2)) for name in INDEXED}
+    return case_figure(key, f"<{key}>", record(fault), injected, SETTINGS.diagnosis)
+
+
+def row(name: str, size: float, **changes) -> dict:
+    figures = {
+        "name": name,
+        "signal": "clearance",
+        "kind": "offset",
+        "size": size,
+        "injected": ["clearance"],
+        "detected": 0.9,
+        "detected_low": 0.8,
+        "detected_high": 0.95,
+        "delay_s": 0.1,
+        "delay_low_s": 0.08,
+        "delay_high_s": 0.2,
+    }
+    return figures | changes
+
+
+def others() -> list[Figure]:
+    healthy = record("")
+    rows = [
+        row(name, size, signal=signal, injected=[signal], delay_s=None if size == 2.0 else 0.1)
+        for name in ("one", "two")
+        for size in (1.0, 2.0)
+        for signal in INDEXED
+    ]
+    names = ("no fault", "relative velocity", "radar and acceleration")
+    matrix = {injected: {reported: 3 for reported in names} for injected in names}
+    return [
+        eigenvalue_figure(SETTINGS.mpc),
+        mpc_figure("mpc", "the controller", healthy),
+        reconstruction_figure("reconstruction", "reconstruction", healthy),
+        limits_figure("limits", "limits", healthy),
+        index_histograms(
+            {name: np.array([0.2, 0.9]) for name in INDEXED}, dict.fromkeys((*INDEXED, "all"), 0.94)
+        ),
+        detector_curves(rows, "rate"),
+        detector_curves(rows, "delay"),
+        confusion_figure({"one": matrix, "two": matrix, "three": matrix}),
+    ]
+
+
+@pytest.fixture(scope="module")
+def cases() -> list[Figure]:
+    return [case("healthy", ""), case("faulty", "offset:acceleration=4@2-3")]
+
+
+@pytest.fixture(scope="module")
+def figures() -> list[Figure]:
+    return others()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[webdriver.Chrome]:
+    program, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if program is None or driver is None:
+        pytest.skip("NOT RUN: no browser here (chromium and chromedriver)")
+    options = webdriver.ChromeOptions()
+    options.binary_location = program
+    with tempfile.TemporaryDirectory() as profile:
+        for flag in (
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--disable-quic",
+            "--disable-dev-shm-usage",
+            "--no-first-run",
+            "--disable-background-networking",
+            "--disable-component-update",
+            "--disable-sync",
+            f"--user-data-dir={profile}",
+        ):
+            options.add_argument(flag)
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        chrome = webdriver.Chrome(options=options, service=Service(driver))
+        yield chrome
+        chrome.quit()
+
+
+def wait_for(browser: webdriver.Chrome, script: str) -> None:
+    WebDriverWait(browser, 60).until(lambda b: b.execute_script(f"return {script}"))
+
+
+def test_the_page_works_in_a_browser(
+    browser: webdriver.Chrome, cases: list[Figure], figures: list[Figure], tmp_path: Path
+) -> None:
+    page = tmp_path / "index.html"
+    body = [
+        table_html(("a", "b"), [("<1>", "2" * 100)], "Table"),
+        cases_html(cases),
+        *map(figure_html, figures),
+    ]
+    write_page(page, "a <page>", body)
+    browser.set_window_size(WIDTHS[0], 900)
+    browser.get(page.as_uri())
+    places = browser.find_elements(By.CSS_SELECTOR, ".figure")
+    assert len(places) == len(figures) + 1
+    wait_for(browser, f"document.querySelectorAll('.figure[data-drawn]').length === {len(places)}")
+    for place in places:
+        key = place.get_attribute("id")
+        assert place.size["height"] > 200, key
+        # Lines and bars are traces, contours are images.
+        inside = place.find_elements(
+            By.CSS_SELECTOR, ".cartesianlayer .trace, .cartesianlayer image"
+        )
+        assert inside, f"{key} is empty"
+        wanted = next((f for f in figures if f.key == key), cases[0])
+        titles = place.find_elements(By.CSS_SELECTOR, ".subplot")
+        assert len(titles) == len(wanted.panels), key
+    for width in WIDTHS:
+        browser.set_window_size(width, 900)
+        overflow = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        wait_for(browser, f"{overflow} <= 0")
+
+    lane = "JSON.stringify(document.getElementById('cases').data.filter(t => t.name === 'FAULT'))"
+    before = browser.execute_script(f"return {lane}")
+    Select(browser.find_element(By.ID, "case")).select_by_visible_text("<faulty>")
+    wait_for(browser, "document.getElementById('cases').dataset.drawn === 'faulty'")
+    after = browser.execute_script(f"return {lane}")
+    assert before != after
+    browser.find_element(By.ID, "next").click()
+    wait_for(browser, "document.getElementById('cases').dataset.drawn === 'healthy'")
+    assert browser.execute_script(f"return {lane}") == before
+
+    assert browser.title == "a <page>"
+    loud = [entry for entry in browser.get_log("browser") if entry["level"] != "INFO"]
+    assert loud == []
+    fetched = browser.execute_script(
+        "return performance.getEntriesByType('resource').map(r => r.name)"
+        ".filter(n => !n.startsWith('data:') && !n.startsWith('blob:'))"
+    )
+    assert fetched == [], "the page must need no network"
+
+
+def test_each_figure_is_drawn_into_a_file(
+    cases: list[Figure], figures: list[Figure], tmp_path: Path
+) -> None:
+    for figure in (cases[1], *figures):
+        path = write_figure(figure, tmp_path / "figures")
+        assert path.name == f"{figure.key}.png" and path.read_bytes()[:4] == b"\x89PNG"
+        assert path.stat().st_size > 8000, figure.key
+
+
+def test_each_figure_says_what_it_shows(cases: list[Figure], figures: list[Figure]) -> None:
+    for figure in (*cases, *figures):
+        assert len(figure.says) > 40 and figure.says.endswith("."), figure.key
+
+
+def test_a_case_has_the_panels_of_the_paper(cases: list[Figure]) -> None:
+    letters = [panel.title[:3] for panel in cases[1].panels]
+    assert letters == ["(a)", "(b)", "(c)", "(c)", "(d)", "(e)", "(f)"]
+    contour = cases[1].panels[2].marks[0]
+    assert contour.z.shape == (20, len(contour.x))
+
+
+def test_the_contour_is_what_the_index_counts() -> None:
+    recording = record("offset:clearance=4,relative_velocity=-10@2-3")
+    from lfd_replay import panels
+
+    original, panels.CONTOUR_STEPS = panels.CONTOUR_STEPS, 1
+    try:
+        drawn = panels.contour_panels(recording, SETTINGS.diagnosis)
+    finally:
+        panels.CONTOUR_STEPS = original
+    for panel, signal in zip(drawn, INDEXED[:2], strict=True):
+        index = recording.verdict(signal, "index")
+        known = np.isfinite(index)
+        assert index[known].max() > 0.5
+        np.testing.assert_allclose(panel.marks[0].z.mean(axis=0)[known], index[known])
+
+
+def test_a_thinned_line_keeps_its_extremes() -> None:
+    x = np.arange(50_000.0)
+    y = np.sin(x)
+    y[777], y[4321], y[100:200] = 9.0, -9.0, np.nan
+    few_x, few_y = thinned(x, y)
+    assert len(few_x) <= POINTS + 100 and np.all(np.diff(few_x) > 0)
+    assert np.nanmax(few_y) == 9.0 and np.nanmin(few_y) == -9.0
+    assert few_x[np.nanargmax(few_y)] == 777 and np.isnan(few_y).any()
+    np.testing.assert_array_equal(thinned(x[:100], y[:100])[1], y[:100])
