@@ -31,9 +31,6 @@ from lfd_replay.score import find_windows, inside
 
 Array = NDArray[np.float64]
 
-NORMAL = tuple(f"normal-{number:02d}" for number in range(1, 28))
-"""The paper's 27 sets of normal driving data."""
-
 AS_PUBLISHED = "paper, as published"
 
 
