@@ -26,6 +26,7 @@ from lfd_replay.generate import generate_drive
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import graph_settings
 from lfd_replay.score import find_windows
+from lfd_replay.sensor_models import SENSORS
 
 SETTINGS = graph_settings("paper")
 FAULTS = parse_faults(
@@ -76,7 +77,7 @@ def test_the_kalman_filter_finds_the_radar_fault_in_two_scans_and_no_outlier(
     healthy: Trace, faulty: Trace
 ) -> None:
     detector = kalman()
-    quiet = choose(detector, count_false_events(detector, healthy)["clearance"], 0)
+    quiet = choose(detector, count_false_events(detector, healthy, 0)["clearance"], 0)
     flags = detector.flags("clearance", detector.scores(faulty)["clearance"], quiet.setting)
     (found,), _ = find_windows(faulty.stamps, flags, [(20.0, 24.0)])
     assert found.delay is not None and 0.04 < found.delay <= 0.13
@@ -170,10 +171,12 @@ def test_the_lead_and_the_radar_are_read_off_a_drive() -> None:
     lead = lead_acceleration(drive)
     assert lead.std() == pytest.approx(0.5, rel=0.15)
     clearance, velocity = scan_deviations([drive])
-    # The difference of two scans, with noise and resolution of each.
-    noise = np.hypot(0.056, 0.1 / np.sqrt(12.0)) * np.sqrt(2.0)
+    # The difference of two scans, with the noise and the resolution of each.
+    radar = SENSORS["esr"].radar
+    fresh = 2.0 * (1.0 - radar.clearance_memory) * radar.clearance_noise**2
+    noise = np.sqrt(fresh + 2.0 * radar.clearance_step**2 / 12.0)
     assert clearance == pytest.approx(noise, rel=0.15)
-    assert 0.023 * np.sqrt(2.0) < velocity < 0.06
+    assert radar.velocity_noise < velocity < 0.06
 
 
 def test_calibrate_writes_parameters_that_evaluate_takes(tmp_path: Path, capsys) -> None:

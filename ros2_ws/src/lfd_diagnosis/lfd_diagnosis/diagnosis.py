@@ -14,14 +14,19 @@ from lfd_mpc.settings import STEP_S
 from lfd_observer.bank import BankState
 from lfd_observer.prediction_store import HorizonFollower, Predicted
 
-_WORST_FIRST = (
-    State.FAULT,
-    State.NO_DATA,
-    State.NO_TARGET,
-    State.NOT_READY,
-    State.SUSPECT,
-    State.OK,
-)
+_WORST_FIRST = {
+    state: rank
+    for rank, state in enumerate(
+        (
+            State.FAULT,
+            State.NO_DATA,
+            State.NO_TARGET,
+            State.NOT_READY,
+            State.SUSPECT,
+            State.OK,
+        )
+    )
+}
 
 
 @dataclass(frozen=True)
@@ -171,10 +176,9 @@ class Diagnosis:
         self, stamp: int, clearance: SignalVerdict, relative_velocity: SignalVerdict
     ) -> SignalVerdict:
         """The radar is as bad as the worse of its two signals."""
-        label, worse = min(
-            (("clearance", clearance), ("relative velocity", relative_velocity)),
-            key=lambda pair: (_WORST_FIRST.index(pair[1].state), -pair[1].confidence),
-        )
+        label, worse = "clearance", clearance
+        if _badness(relative_velocity) < _badness(clearance):
+            label, worse = "relative velocity", relative_velocity
         return SignalVerdict(
             state=worse.state,
             index=worse.index,
@@ -251,3 +255,8 @@ class Diagnosis:
 
 def _silent(age: float) -> str:
     return "no sample yet" if isnan(age) else f"no sample for {age:.2f} s"
+
+
+def _badness(verdict: SignalVerdict) -> tuple[int, int]:
+    """Sorts the worst verdict first."""
+    return _WORST_FIRST[verdict.state], -verdict.confidence

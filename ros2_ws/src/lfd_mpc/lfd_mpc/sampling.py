@@ -106,13 +106,15 @@ class _Rhythm:
     def __init__(self) -> None:
         self._periods: deque[int] = deque(maxlen=PERIOD_SAMPLES - 1)
         self._last: int | None = None
-        self.period: float = 0.0
 
     def note(self, stamp: int) -> None:
         if self._last is not None:
             self._periods.append(stamp - self._last)
-            self.period = median(self._periods)
         self._last = stamp
+
+    @property
+    def period(self) -> float:
+        return median(self._periods) if self._periods else 0.0
 
 
 class _Signal:
@@ -134,7 +136,8 @@ class _Signal:
         if self._stamp is None:
             return Reading(nan, nan, True)
         age = stamp - self._stamp
-        stale = age > max(STALE_NS, STALE_PERIODS * self._rhythm.period)
+        # The period is asked for only where it matters: a median takes its time.
+        stale = age > STALE_NS and age > STALE_PERIODS * self._rhythm.period
         return Reading(self._value, age * 1e-9, stale)
 
 
@@ -243,6 +246,8 @@ class Sampler:
 
     def _continue(self, sample: Sample, newest: int) -> list[StepInputs]:
         """Take a sample that fits; across a gap of all inputs that means to start anew."""
+        if sample.stamp <= newest + MAX_GAP_NS:
+            return self._accept(sample)
         max_gap = self._epoch.max_gap()
         if sample.stamp <= newest + max_gap:
             return self._accept(sample)

@@ -1,6 +1,7 @@
 """Sliding mode observers of the relative acceleration (eqs 11 to 21), vectorised."""
 
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,10 +60,12 @@ class SlidingModeObservers:
         self._state = np.zeros((count, 2))
         self._equivalent = np.zeros(count)
         self.started = np.zeros(count, dtype=bool)
+        self._all_started = False
 
     def restart(self) -> None:
         """Forget everything: each observer starts again at its next measurement."""
         self.started[:] = False
+        self._all_started = False
 
     def step(self, measured: Array) -> tuple[Array, Array]:
         """Feed `measured` (n, 2) in m and m/s; an observer whose row is NaN does not move.
@@ -70,26 +73,34 @@ class SlidingModeObservers:
         Returns relative accelerations (n,) in m/s^2 (equivalent injection, eq 21) and output
         errors (n,), NaN where an observer has not started.
         """
-        fed = np.isfinite(measured).all(axis=1)
-        # Nearly always every observer is fed; only then nothing needs to be picked out.
-        rows = slice(None) if fed.all() and self.started.all() else fed
-        if rows is fed:
-            starting = fed & ~self.started
-            self._state[starting] = measured[starting]
-            self._equivalent[starting] = 0.0
-            self.started |= fed
-
         output_error = (measured - self._state) @ C
+        # Nearly always every observer runs and is fed; only else some need to be picked out.
+        if self._all_started and isfinite(output_error.sum()):
+            injection = self._injection(output_error)
+            derivative = self._state @ A.T
+            derivative[:, 1] += injection
+            self._state += STEP_S * derivative
+            self._equivalent += self._blend * (injection - self._equivalent)
+            return self._equivalent.copy(), output_error
+        return self._step_some(measured)
+
+    def _injection(self, output_error: Array) -> Array:
+        """The discontinuous injection (eq 18) in m/s^2, or its stand-in in a boundary layer."""
         if self._boundary_layer > 0.0:
-            direction = np.clip(output_error / self._boundary_layer, -1.0, 1.0)
-        else:
-            direction = np.sign(output_error)
-        injection = self._gain * direction
-        state = self._state[rows]
-        derivative = state @ A.T
-        derivative += injection[rows, None] * G
-        self._state[rows] = state + STEP_S * derivative
-        self._equivalent[rows] += self._blend * (injection[rows] - self._equivalent[rows])
-        if rows is fed:
-            return np.where(self.started, self._equivalent, np.nan), output_error
-        return self._equivalent.copy(), output_error
+            return self._gain * np.clip(output_error / self._boundary_layer, -1.0, 1.0)
+        return self._gain * np.sign(output_error)
+
+    def _step_some(self, measured: Array) -> tuple[Array, Array]:
+        """A step in which some observers start, or are not fed."""
+        fed = np.isfinite(measured).all(axis=1)
+        starting = fed & ~self.started
+        self._state[starting] = measured[starting]
+        self._equivalent[starting] = 0.0
+        self.started |= fed
+        self._all_started = bool(self.started.all())
+        output_error = (measured - self._state) @ C
+        injection = self._injection(output_error)[fed]
+        state = self._state[fed]
+        self._state[fed] = state + STEP_S * (state @ A.T + np.outer(injection, G))
+        self._equivalent[fed] += self._blend * (injection - self._equivalent[fed])
+        return np.where(self.started, self._equivalent, np.nan), output_error

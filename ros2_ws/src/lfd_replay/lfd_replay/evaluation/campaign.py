@@ -72,8 +72,8 @@ def plain() -> Size:
         normal=NORMAL,
         starts=2,
         cells=(*offset_cells(full=False), *PAPER_COMBINATIONS, *other_cells(full=False)),
-        offset_drives=NORMAL[3::9],
-        other_drives=NORMAL[3::9],
+        offset_drives=NORMAL[6::14],
+        other_drives=NORMAL[6::14],
     )
 
 
@@ -199,9 +199,9 @@ def _choose(
     counted = run(
         [
             Task(
-                f"count/{detector.name}/{name}/{learnt}",
+                f"count/{detector.name}/{name}/{allowed}/{learnt}",
                 count_normal,
-                (number, own[detector.variant], settings, scales),
+                (number, own[detector.variant], settings, scales, allowed),
             )
             for number, detector in enumerate(found)
             for name, own in files.items()

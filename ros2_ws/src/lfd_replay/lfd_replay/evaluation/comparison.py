@@ -101,9 +101,11 @@ def detectors(
     ]
 
 
-def count_normal(number: int, file: Path, settings: GraphSettings, scales: NormalScales) -> dict:
+def count_normal(
+    number: int, file: Path, settings: GraphSettings, scales: NormalScales, allowed: int
+) -> dict:
     """False events on one normal drive, by signal and setting, of the detector of that number."""
-    return count_false_events(detectors(settings, scales)[number], load_trace(file))
+    return count_false_events(detectors(settings, scales)[number], load_trace(file), allowed)
 
 
 def choose_settings(

@@ -91,14 +91,22 @@ class Choice:
     false_events: int
 
 
-def count_false_events(detector: Detector, trace: Trace) -> dict[str, list[int]]:
-    """How often a fault-free trace is flagged, per signal, for each of the detector's settings."""
+def count_false_events(detector: Detector, trace: Trace, allowed: int) -> dict[str, list[int]]:
+    """How often a fault-free trace is flagged, per signal, for each of the detector's settings.
+
+    From the deaf end on; once one trace alone exceeds what is `allowed` of all of them, more
+    nervous settings are no longer tried and stand with the same number.
+    """
     counts = {}
     for signal, score in detector.scores(trace).items():
-        counts[signal] = [
-            len(intervals(trace.stamps, detector.flags(signal, score, setting)))
-            for setting in detector.settings
-        ]
+        found: list[int] = []
+        for setting in reversed(detector.settings):
+            if not found or found[-1] <= allowed:
+                flags = detector.flags(signal, score, setting)
+                found.append(len(intervals(trace.stamps, flags)))
+            else:
+                found.append(found[-1])
+        counts[signal] = found[::-1]
     return counts
 
 
