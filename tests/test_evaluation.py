@@ -208,6 +208,7 @@ def test_the_whole_evaluation_in_small(tmp_path: Path) -> None:
         cells=(Cell("offset", (("acceleration", 4.0),), signed=True),),
         offset_drives=("data-2",),
         other_drives=(),
+        parts=True,
     )
     done: list[int] = []
     with ProcessPoolExecutor(2) as pool:

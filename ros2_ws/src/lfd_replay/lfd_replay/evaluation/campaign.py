@@ -47,17 +47,23 @@ FALSE_EVENTS_PER_HOUR = 1.0
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run."""
+    """How much is run; `parts`: whether variants of the graph are set against faults, too."""
 
     normal: tuple[str, ...]
     starts: int
     cells: tuple[Cell, ...]
     offset_drives: tuple[str, ...]
     other_drives: tuple[str, ...]
+    parts: bool
 
     def drives_of(self, cell: Cell | None) -> tuple[str, ...]:
         """The normal drives that a cell's faults are injected into."""
-        return self.offset_drives if _with_variants(cell) else self.other_drives
+        offset = cell is None or cell.kind == "offset"
+        return self.offset_drives if offset else self.other_drives
+
+    def with_variants(self, cell: Cell | None) -> bool:
+        """What the parts are worth is asked of offsets, the faults that the paper is about."""
+        return self.parts and (cell is None or cell.kind == "offset")
 
     @property
     def tasks(self) -> int:
@@ -74,6 +80,7 @@ def plain() -> Size:
         cells=(*offset_cells(full=False), *PAPER_COMBINATIONS, *other_cells(full=False)),
         offset_drives=NORMAL[6::14],
         other_drives=NORMAL[6::14],
+        parts=False,
     )
 
 
@@ -85,6 +92,7 @@ def full() -> Size:
         cells=(*offset_cells(full=True), *PAPER_COMBINATIONS, *other_cells(full=True)),
         offset_drives=NORMAL,
         other_drives=NORMAL[::3],
+        parts=True,
     )
 
 
@@ -163,11 +171,12 @@ def evaluate_paper(
     compared = run(
         [
             Task(
-                f"cell/{cell.key if cell else 'nothing'}/{name}/{judged}",
+                f"cell/{cell.key if cell else 'nothing'}/{name}/{parts}/{judged}",
                 compare_on,
-                (cell, name, 1, settings, scales, plain_choice, _with_variants(cell)),
+                (cell, name, 1, settings, scales, plain_choice, parts),
             )
             for cell in cells
+            for parts in [size.with_variants(cell)]
             for name in size.drives_of(cell)
         ]
     )
@@ -211,11 +220,6 @@ def _choose(
     drives = len(files)
     counts = [results[k * drives : (k + 1) * drives] for k in range(len(found))]
     return choose_settings(found, counts, allowed)
-
-
-def _with_variants(cell: Cell | None) -> bool:
-    """What the parts are worth is asked of offsets, the faults that the paper is about."""
-    return cell is None or cell.kind == "offset"
 
 
 def _is_paper_size(cell: Cell) -> bool:
