@@ -190,3 +190,11 @@ def test_a_pause_of_simulated_time_is_no_silence_but_a_dead_clock_is() -> None:
     watch.heard(11.0)
     assert not watch.silent(11.0 + CLOCK_LOST - 0.1, simulated_time=True)
     assert watch.silent(11.1 + CLOCK_LOST, simulated_time=True)
+
+
+def test_the_reason_says_what_the_radar_says_of_itself() -> None:
+    diagnosis = Diagnosis(DiagnosisSettings())
+    report = diagnosis.step(make_horizon(1, sensor_text="partial blockage"), None).report
+    assert report.clearance.reason.endswith("; the radar says: partial blockage")
+    assert report.radar.reason.endswith("; the radar says: partial blockage")
+    assert "radar says" not in diagnosis.step(make_horizon(2), None).report.clearance.reason

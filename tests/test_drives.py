@@ -18,7 +18,7 @@ from lfd_replay.import_drive import main_import
 from lfd_replay.make_drive import main_make
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import NODES, graph_settings, profile_file_text
-from lfd_replay.read_drive import read_drive
+from lfd_replay.read_drive import ReadOptions, read_drive
 
 HEADER = "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2"
 ROWS = ["0.00,30.0,-1.0,15.0,0.1", "0.05,29.9,-1.0,15.0,0.1", "0.10,29.8,-1.0,15.0,0.1"]
@@ -42,7 +42,7 @@ def test_a_blank_range_is_an_empty_road_and_other_blanks_are_no_sample(tmp_path:
 
 def test_columns_of_other_names_are_mapped_and_tracks_are_read(tmp_path: Path) -> None:
     path = csv(tmp_path, "0,30,-1,15,0.1,7", header=HEADER.replace("range_m", "dist") + ",track_id")
-    drive = read_drive(path, {"range_m": "dist"})
+    drive = read_drive(path, ReadOptions(mapping={"range_m": "dist"}))
     assert [s.track_id for s in drive.samples if s.input == RADAR] == [7]
 
 

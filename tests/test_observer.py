@@ -33,6 +33,8 @@ def make_horizon(step: int, clearance: float = 30.0, velocity: float = 0.0, **fi
         "fallbacks": 0,
         "has_target": True,
         "track_id": 1,
+        "sensor_flags": 0,
+        "sensor_text": "",
         "solver_status": "solved",
         "valid": True,
         "clearance": clearance,

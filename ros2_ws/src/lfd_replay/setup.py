@@ -13,6 +13,7 @@ setup(
     name="lfd_replay",
     version="0.1.0",
     packages=["lfd_replay", "lfd_replay.evaluation"],
+    package_data={"lfd_replay": ["dbc/*.dbc"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/lfd_replay"]),
         ("share/lfd_replay", ["package.xml"]),

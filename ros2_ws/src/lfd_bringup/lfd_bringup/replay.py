@@ -31,7 +31,7 @@ from lfd_replay.generate import generate_drive
 from lfd_replay.paths import share_folder
 from lfd_replay.player import GRAPH_NODES, LockstepError, PlayerNode, samples_to_play
 from lfd_replay.profiles import PROFILES
-from lfd_replay.read_drive import parse_mapping, read_drive
+from lfd_replay.read_drive import read_drive, read_options
 from lfd_replay.report import write_report
 from lfd_replay.score import score, timeline
 from lfd_replay.text_file import write_text
@@ -95,7 +95,7 @@ def main_replay(arguments: list[str]) -> int:
     if not options.drive and not any(text.strip() for text in fault_texts):
         fault_texts = [DEFAULT_FAULT]
     faults = parse_faults(fault_texts)
-    drive = read_drive(path, parse_mapping(options.map))
+    drive = read_drive(path, read_options(options))
     playing = play_options(options)
     playing.check(drive)
     warn(drive, faults)

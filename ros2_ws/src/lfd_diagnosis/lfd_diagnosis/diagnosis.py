@@ -126,6 +126,8 @@ class Diagnosis:
             else:
                 state, index = None, count / n
                 reason = f"{count} of {n} predictions disagree with {value:.2f} {unit}"
+            if horizon.sensor_text:
+                reason += f"; the radar says: {horizon.sensor_text}"
             verdicts.append(self._verdict(horizon.stamp, name, state, index, reason))
         return verdicts[0], verdicts[1]
 

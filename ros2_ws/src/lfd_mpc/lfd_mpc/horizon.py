@@ -33,6 +33,8 @@ class Horizon:
     fallbacks: int
     has_target: bool
     track_id: int
+    sensor_flags: int
+    sensor_text: str
     measured_clearance: float
     measured_relative_velocity: float
     measured_acceleration: float
@@ -114,6 +116,8 @@ class Mpc:
             fallbacks=self._fallbacks,
             has_target=sampled.has_target,
             track_id=sampled.track_id,
+            sensor_flags=sampled.sensor_flags,
+            sensor_text=sampled.sensor_text,
             measured_clearance=sampled.clearance.measured,
             measured_relative_velocity=sampled.relative_velocity.measured,
             measured_acceleration=sampled.acceleration.measured,

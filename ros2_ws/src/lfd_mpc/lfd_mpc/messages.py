@@ -79,4 +79,6 @@ def radar_sample(message: RadarTarget) -> RadarSample:
         clearance=message.clearance,
         relative_velocity=message.relative_velocity,
         track_id=message.track_id,
+        sensor_flags=message.sensor_flags,
+        sensor_text=message.sensor_text,
     )

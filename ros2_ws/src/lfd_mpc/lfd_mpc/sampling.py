@@ -41,13 +41,18 @@ UNKNOWN_TRACK = -1
 
 @dataclass(frozen=True)
 class RadarSample:
-    """One scan: `clearance` in m and `relative_velocity` in m/s, NaN = not measured."""
+    """One scan: `clearance` in m and `relative_velocity` in m/s, NaN = not measured.
+
+    `sensor_flags` and `sensor_text` are what the sensor says of itself.
+    """
 
     stamp: int
     has_target: bool
     clearance: float
     relative_velocity: float
     track_id: int = UNKNOWN_TRACK
+    sensor_flags: int = 0
+    sensor_text: str = ""
 
     @property
     def input(self) -> str:
@@ -90,6 +95,8 @@ class StepInputs:
     without_acceleration: bool
     has_target: bool
     track_id: int
+    sensor_flags: int
+    sensor_text: str
     clearance: Reading
     relative_velocity: Reading
     acceleration: Reading
@@ -155,6 +162,7 @@ class _Epoch:
         self.next_step: int | None = None
         self.has_target = False
         self.track_id = UNKNOWN_TRACK
+        self.sensor_flags, self.sensor_text = 0, ""
         self.known_track = UNKNOWN_TRACK
 
     def max_gap(self) -> float:
@@ -314,6 +322,8 @@ class Sampler:
             without_acceleration=without_acceleration,
             has_target=epoch.has_target,
             track_id=epoch.track_id,
+            sensor_flags=epoch.sensor_flags,
+            sensor_text=epoch.sensor_text,
             clearance=clearance,
             relative_velocity=velocity,
             acceleration=epoch.signals[ACCELERATION].at(stamp),
@@ -331,6 +341,7 @@ class Sampler:
         clearance, velocity = epoch.signals["clearance"], epoch.signals["relative_velocity"]
         epoch.has_target = sample.has_target
         epoch.track_id = sample.track_id
+        epoch.sensor_flags, epoch.sensor_text = sample.sensor_flags, sample.sensor_text
         reason = ""
         if sample.track_id != UNKNOWN_TRACK and sample.has_target:
             if epoch.known_track not in (UNKNOWN_TRACK, sample.track_id):

@@ -23,7 +23,7 @@ from lfd_replay.player import (
     PlayOptions,
     samples_to_play,
 )
-from lfd_replay.read_drive import parse_mapping, read_drive
+from lfd_replay.read_drive import read_drive, read_options
 
 
 def add_play_options(parser: argparse.ArgumentParser) -> None:
@@ -75,7 +75,7 @@ def play(player: PlayerNode, executor: Executor, console: Console) -> None:
 def main_play(arguments: list[str]) -> int:
     """The command line of `bag_player`."""
     parser = argparse.ArgumentParser(prog="bag_player", description=__doc__)
-    parser.add_argument("drive", type=Path, help="MCAP, sqlite3 or ROS 1 bag, or CSV file")
+    parser.add_argument("drive", type=Path, help="CSV file, bag, CAN log or folder of a segment")
     add_play_options(parser)
     parser.add_argument("--loop", action="store_true", help="begin again at the end")
     parser.add_argument(
@@ -89,7 +89,7 @@ def main_play(arguments: list[str]) -> int:
 
     playing = play_options(options, options.loop)
     faults = parse_faults(options.fault)
-    drive = read_drive(options.drive, parse_mapping(options.map))
+    drive = read_drive(options.drive, read_options(options))
     playing.check(drive)
     warn(drive, faults)
     samples = samples_to_play(drive, faults, playing)

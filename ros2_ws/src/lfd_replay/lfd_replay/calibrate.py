@@ -24,7 +24,7 @@ from lfd_replay.evaluation.normal_driving import (
 from lfd_replay.evaluation.trace import JUDGED, Trace, record_trace
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import PROFILES, GraphSettings, graph_settings, parameter_file_text
-from lfd_replay.read_drive import parse_mapping, read_drive
+from lfd_replay.read_drive import add_read_options, read_drive, read_options
 from lfd_replay.score import intervals
 from lfd_replay.text_file import write_text
 
@@ -140,7 +140,7 @@ def main_calibrate(arguments: list[str]) -> int:
     """The command line of `calibrate`."""
     parser = argparse.ArgumentParser(prog="calibrate", description=__doc__)
     parser.add_argument("drives", type=Path, nargs="+", metavar="DRIVE", help="CSV file or bag")
-    parser.add_argument("--map", action="append", default=[], metavar="NAME=COLUMN")
+    add_read_options(parser)
     parser.add_argument(
         "--profile",
         default=PROFILES[0],
@@ -159,8 +159,8 @@ def main_calibrate(arguments: list[str]) -> int:
     if not options.false_events >= 0.0:
         raise UserError(f"--false-events {options.false_events}: 0 or more per hour is expected")
     settings = graph_settings(options.profile)
-    mapping = parse_mapping(options.map)
-    drives = [read_drive(path, mapping) for path in options.drives]
+    reading = read_options(options)
+    drives = [read_drive(path, reading) for path in options.drives]
     for drive in drives:
         warn(drive, [])
     settings = with_noise(settings, drives)

@@ -2,7 +2,9 @@
 
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,9 +16,19 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample, ScalarSample
+from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
+from lfd_replay.can_log import HostSignals
 from lfd_replay.drive import Drive
+from lfd_replay.message_definitions import DEFINITIONS
 from lfd_replay.paths import share_folder
+from lfd_replay.recorded_messages import (
+    CAN_FRAME,
+    ESR_STATUS_4,
+    ESR_TRACK,
+    TYPES,
+    MessageConverter,
+    Mounting,
+)
 
 TOPICS = {
     RADAR: ("/radar/target", "lfd_msgs/msg/RadarTarget"),
@@ -25,62 +37,37 @@ TOPICS = {
 }
 """Topic and type of each input in a bag."""
 
+OPTIONS = {RADAR: "--radar-topic", ACCELERATION: "--accel-topic", HOST_SPEED: "--speed-topic"}
+"""The option that names the topic of each input."""
+
 
 @cache
 def typestore() -> Typestore:
-    """ROS 2 Jazzy's types and those of lfd_msgs."""
+    """ROS 2 Jazzy's types, those of lfd_msgs, and those of recordings."""
     store = get_typestore(Stores.ROS2_JAZZY)
     for file in sorted((share_folder("lfd_msgs") / "msg").glob("*.msg")):
         store.register(get_types_from_msg(file.read_text(), f"lfd_msgs/msg/{file.stem}"))
+    for name, definition in DEFINITIONS.items():
+        if name not in store.types:
+            store.register(get_types_from_msg(definition, name))
     return store
 
 
-def _nanoseconds(header: Any) -> int:
-    return header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+@dataclass(frozen=True)
+class Topics:
+    """Topics to read each input from; None = found by type."""
+
+    radar: str | None = None
+    acceleration: str | None = None
+    host_speed: str | None = None
 
 
-def _radar(message: Any) -> Sample:
-    return RadarSample(
-        stamp=_nanoseconds(message.header),
-        has_target=bool(message.has_target),
-        clearance=float(message.clearance),
-        relative_velocity=float(message.relative_velocity),
-        track_id=int(message.track_id),
-    )
-
-
-def _acceleration(message: Any) -> Sample:
-    stamp = _nanoseconds(message.header)
-    return ScalarSample(ACCELERATION, stamp, float(message.linear_acceleration.x))
-
-
-def _host_speed(message: Any) -> Sample:
-    return ScalarSample(HOST_SPEED, _nanoseconds(message.header), float(message.twist.linear.x))
-
-
-_CONVERT: dict[str, Callable[[Any], Sample]] = {
-    RADAR: _radar,
-    ACCELERATION: _acceleration,
-    HOST_SPEED: _host_speed,
-}
-
-
-def read_bag_streams(path: Path) -> dict[str, list[Sample]]:
-    """The streams of a bag, each in the order of its recording.
-
-    Raises UserError for a bag that cannot be read or lacks a topic.
-    """
+@contextmanager
+def open_bag(path: Path) -> Iterator[AnyReader]:
+    """A bag to read. Raises UserError for one that cannot be read, then or while it is read."""
     try:
         with AnyReader([path], default_typestore=typestore()) as reader:
-            chosen = {name: _choose(path, reader, name) for name in TOPICS}
-            by_id = {c.id: name for name, c in chosen.items() if c is not None}
-            streams: dict[str, list[Sample]] = {name: [] for name in TOPICS}
-            connections = [c for c in chosen.values() if c is not None]
-            for connection, _, raw in reader.messages(connections=connections):
-                name = by_id[connection.id]
-                message = reader.deserialize(raw, connection.msgtype)
-                streams[name].append(_CONVERT[name](message))
-            return streams
+            yield reader
     except UserError:
         raise
     except Exception as error:  # whatever a damaged file makes a parser raise
@@ -91,20 +78,77 @@ def read_bag_streams(path: Path) -> dict[str, list[Sample]]:
         ) from error
 
 
-def _choose(path: Path, reader: AnyReader, name: str) -> Any:
-    """The connection that carries one input: by type, and by name where there are several."""
-    topic, msgtype = TOPICS[name]
-    found = [c for c in reader.connections if c.msgtype == msgtype]
-    if len(found) > 1:
-        found = [c for c in found if c.topic.endswith(topic)] or found
-    if found:
-        return found[0]
-    if name == HOST_SPEED:
-        return None
-    there = ", ".join(sorted(f"{c.topic} ({c.msgtype})" for c in reader.connections))
+def read_bag_streams(
+    path: Path,
+    topics: Topics | None = None,
+    mounting: Mounting | None = None,
+    host: HostSignals | None = None,
+) -> tuple[dict[str, list[Sample]], list[str]]:
+    """The streams of a bag, each in the order of its recording, and what is to be said of it.
+
+    Raises UserError for a bag that cannot be read or lacks a topic.
+    """
+    converter = MessageConverter(mounting, host)
+    streams: dict[str, list[Sample]] = {name: [] for name in TOPICS}
+    with open_bag(path) as reader:
+        wanted = vars(topics or Topics())
+        connections = []
+        for name in TOPICS:
+            connections += _choose(path, reader, name, wanted[name], host)
+        unique = list({c.id: c for c in connections}.values())
+        for connection, received, raw in reader.messages(connections=unique):
+            message = reader.deserialize(raw, connection.msgtype)
+            for sample in converter.push(connection.msgtype, message, received):
+                streams[sample.input].append(sample)
+    for sample in converter.flush():
+        streams[sample.input].append(sample)
+    return streams, [f"{count} {what}" for what, count in converter.counts.items() if count]
+
+
+def _choose(
+    path: Path, reader: AnyReader, name: str, topic: str | None, host: HostSignals | None
+) -> list[Any]:
+    """The connections that carry one input: those of a topic, or found by type.
+
+    Raises UserError where there is none, or more than one that could be meant.
+    """
+    there = ", ".join(sorted(f"{c.topic} ({c.msgtype})" for c in reader.connections)) or "no topics"
+    option = OPTIONS[name]
+    if topic is not None:
+        chosen = [c for c in reader.connections if c.topic == topic]
+        if not chosen:
+            raise UserError(f"{path}: {option} {topic}: no such topic; there are: {there}")
+        if chosen[0].msgtype not in TYPES[name]:
+            raise UserError(
+                f"{path}: {option} {topic}: is {chosen[0].msgtype}; one of "
+                f"{', '.join(TYPES[name])} is expected"
+            )
+        return _with_status(reader, chosen)
+    for msgtype in TYPES[name]:
+        found = [c for c in reader.connections if c.msgtype == msgtype]
+        if len({c.topic for c in found}) > 1:
+            found = [c for c in found if c.topic.endswith(TOPICS[name][0])] or found
+        if len({c.topic for c in found}) > 1:
+            candidates = ", ".join(sorted({c.topic for c in found}))
+            raise UserError(
+                f"{path}: more than one topic of type {msgtype}: {candidates}; "
+                f"choose one with {option}"
+            )
+        if found:
+            return _with_status(reader, found)
+    on_can = host is not None and any(c.msgtype == CAN_FRAME for c in reader.connections)
+    if name == HOST_SPEED or on_can:
+        return []
     raise UserError(
-        f"{path}: no topic of type {msgtype} for {topic}; there are: {there or 'no topics'}"
+        f"{path}: no topic of type {TYPES[name][0]} for {TOPICS[name][0]}; there are: {there}"
     )
+
+
+def _with_status(reader: AnyReader, chosen: list[Any]) -> list[Any]:
+    """With the tracks of an ESR goes the message that names the one in its path."""
+    if chosen[0].msgtype != ESR_TRACK:
+        return chosen
+    return chosen + [c for c in reader.connections if c.msgtype == ESR_STATUS_4]
 
 
 def sample_message(sample: Sample) -> tuple[str, str, Any]:
@@ -124,8 +168,8 @@ def sample_message(sample: Sample) -> tuple[str, str, Any]:
             has_target=sample.has_target,
             clearance=sample.clearance,
             relative_velocity=sample.relative_velocity,
-            sensor_flags=0,
-            sensor_text="",
+            sensor_flags=sample.sensor_flags,
+            sensor_text=sample.sensor_text,
         )
         return topic, msgtype, message
     vector, zero = types["geometry_msgs/msg/Vector3"], 0.0

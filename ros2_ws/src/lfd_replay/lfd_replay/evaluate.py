@@ -16,7 +16,7 @@ from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.offline import GraphStep, OfflineGraph
 from lfd_replay.panels import RecordedStep
 from lfd_replay.profiles import PROFILES, graph_settings
-from lfd_replay.read_drive import parse_mapping, read_drive
+from lfd_replay.read_drive import add_read_options, read_drive, read_options
 from lfd_replay.report import write_report
 from lfd_replay.score import SUMMARY_COLUMNS, score, summary_rows, timeline
 from lfd_replay.text_file import write_text
@@ -31,13 +31,7 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
         metavar="TEXT",
         help="KIND:SIGNAL[=VALUE][,SIGNAL=VALUE...]@START-END in s of drive time; may be repeated",
     )
-    parser.add_argument(
-        "--map",
-        action="append",
-        default=[],
-        metavar="NAME=COLUMN",
-        help="own column name of a CSV drive, such as range_m=dist; may be repeated",
-    )
+    add_read_options(parser)
     parser.add_argument("--seed", type=int, default=0, help="seed of the noise fault (default: 0)")
 
 
@@ -71,7 +65,7 @@ def print_table(table: Table) -> None:
 def main_evaluate(arguments: list[str]) -> int:
     """The command line of `evaluate`."""
     parser = argparse.ArgumentParser(prog="evaluate", description=__doc__)
-    parser.add_argument("drive", type=Path, help="CSV file or bag")
+    parser.add_argument("drive", type=Path, help="CSV file, bag, CAN log or folder of a segment")
     add_drive_options(parser)
     parser.add_argument(
         "--profile",
@@ -86,9 +80,10 @@ def main_evaluate(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
 
     faults = parse_faults(options.fault)
+    reading = read_options(options)
     graph = OfflineGraph(graph_settings(options.profile, options.params))
     started = time.perf_counter()
-    drive = read_drive(options.drive, parse_mapping(options.map))
+    drive = read_drive(options.drive, reading)
     warn(drive, faults)
     injector = FaultInjector(faults, drive.zero, options.seed)
     samples = injector.apply(drive.samples)

@@ -1,6 +1,7 @@
-"""import_drive: recorded CSV files become one drive."""
+"""import_drive: what a car has recorded becomes one drive."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from lfd_mpc.errors import UserError
@@ -10,7 +11,13 @@ from lfd_replay.drive_bag import write_drive
 from lfd_replay.drive_csv import ACCEL, SPEED, Table, read_csv_streams, scalar_stream
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import warn
-from lfd_replay.read_drive import parse_mapping
+from lfd_replay.read_drive import (
+    ReadOptions,
+    add_read_options,
+    read_options,
+    read_streams,
+    without_offset,
+)
 
 
 def _existing(path: Path) -> Path:
@@ -40,33 +47,46 @@ def extra_column(text: str, usual: str) -> tuple[Table, str]:
 
 
 def join_drive(
-    radar: Path, accel: str | None, speed: str | None, mapping: dict[str, str] | None = None
+    recording: Path, accel: str | None, speed: str | None, options: ReadOptions | None = None
 ) -> Drive:
-    """A drive from a radar CSV file, with acceleration and host speed from files of their own.
+    """A drive from a recording, with acceleration and host speed from files of their own.
 
-    `accel` and `speed` are `FILE[:COLUMN]` and replace those columns of `radar`. Raises UserError.
+    `accel` and `speed` are `FILE[:COLUMN]` and replace those of `recording`. Raises UserError.
     """
+    options = options or ReadOptions()
     given = {ACCEL: (accel, ACCELERATION), SPEED: (speed, HOST_SPEED)}
     replaced = frozenset(column for column, (text, _) in given.items() if text)
-    streams = read_csv_streams(_existing(radar), mapping or {}, replaced)
+    remarks: list[str] = []
+    if recording.suffix == ".csv":
+        streams = read_csv_streams(_existing(recording), options.mapping, replaced)
+    else:
+        streams, remarks = read_streams(recording, replace(options, standstill=False))
     for column, (text, name) in given.items():
         if text:
             table, usual = extra_column(text, column)
             streams[name] = scalar_stream(table, usual, name)
-    return make_drive(str(radar), streams)
+    if options.standstill:
+        streams = without_offset(recording, streams)
+    drive = make_drive(str(recording), streams)
+    return replace(drive, warnings=(*remarks, *drive.warnings))
 
 
 def main_import(arguments: list[str]) -> int:
     """The command line of `import_drive`."""
     parser = argparse.ArgumentParser(prog="import_drive", description=__doc__)
-    parser.add_argument("radar", type=Path, help="CSV file of a drive, or of the radar alone")
+    parser.add_argument(
+        "recording",
+        type=Path,
+        help="CSV file of a drive or of the radar alone, bag, CAN log (.log, .asc, .blf), or "
+        "folder of a comma2k19 segment",
+    )
     parser.add_argument("--accel", metavar="FILE[:COLUMN]", help="host acceleration in m/s^2")
     parser.add_argument("--speed", metavar="FILE[:COLUMN]", help="host speed in m/s")
-    parser.add_argument("--map", action="append", default=[], metavar="NAME=COLUMN")
+    add_read_options(parser)
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="OUT.mcap")
     options = parser.parse_args(arguments)
 
-    drive = join_drive(options.radar, options.accel, options.speed, parse_mapping(options.map))
+    drive = join_drive(options.recording, options.accel, options.speed, read_options(options))
     warn(drive, [])
     write_drive(drive, options.out)
     counts = ", ".join(f"{drive.count(name)} {name}" for name in INPUTS if drive.count(name))

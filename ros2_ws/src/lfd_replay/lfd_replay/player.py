@@ -250,6 +250,8 @@ class PlayerNode(Node):
                 has_target=sample.has_target,
                 clearance=sample.clearance,
                 relative_velocity=sample.relative_velocity,
+                sensor_flags=sample.sensor_flags,
+                sensor_text=sample.sensor_text,
             )
             message.header.stamp = stamp
             self._radar.publish(message)

@@ -1,42 +1,174 @@
-"""Any drive by its path: CSV file or bag."""
+"""Any drive by its path: CSV file, bag, CAN log or a folder of a public data set."""
 
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from math import isfinite
 from pathlib import Path
 
+import numpy as np
+
 from lfd_mpc.errors import UserError
+from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, Sample, ScalarSample
+from lfd_replay.can_log import SUFFIXES as CAN_SUFFIXES
+from lfd_replay.can_log import HostSignals, read_can_streams
+from lfd_replay.comma2k19 import is_segment, read_segment_streams
 from lfd_replay.drive import Drive, make_drive
-from lfd_replay.drive_bag import read_bag_streams
+from lfd_replay.drive_bag import OPTIONS, Topics, read_bag_streams
 from lfd_replay.drive_csv import read_csv_streams
+from lfd_replay.recorded_messages import Mounting
 
 BAG_SUFFIXES = (".mcap", ".db3", ".bag")
 
+STANDSTILL = "standstill"
+STANDING = 0.05
+"""Host speed in m/s below which the car stands."""
 
-def read_drive(path: Path, mapping: dict[str, str] | None = None) -> Drive:
-    """Read a drive. Raises UserError with one clear line for anything that is not one."""
+STANDING_SAMPLES = 100
+"""Accelerations at standstill from which an offset is told."""
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """How a recording is to be understood; `standstill`: the offset is what it shows standing."""
+
+    mapping: dict[str, str] = field(default_factory=dict)
+    topics: Topics = Topics()
+    mounting: Mounting = Mounting()
+    standstill: bool = False
+    host: HostSignals | None = None
+
+
+def add_read_options(parser: argparse.ArgumentParser) -> None:
+    """Options of every command that reads drives."""
+    group = parser.add_argument_group("recordings that are no drives yet")
+    group.add_argument(
+        "--map",
+        action="append",
+        default=[],
+        metavar="NAME=COLUMN",
+        help="own column name of a CSV drive, such as range_m=dist; may be repeated",
+    )
+    for name, option in OPTIONS.items():
+        group.add_argument(option, metavar="TOPIC", help=f"topic of the {name} (default: by type)")
+    group.add_argument(
+        "--imu-rotation",
+        metavar="ROLL,PITCH,YAW",
+        default="0,0,0",
+        help="how the accelerometer is turned in the car, in degrees; 0,0,180 = backwards",
+    )
+    group.add_argument(
+        "--imu-offset",
+        metavar="VALUE",
+        default="0",
+        help=f"constant offset of the accelerometer in m/s^2, or {STANDSTILL}: what it shows "
+        "while the car stands",
+    )
+    group.add_argument("--host-dbc", type=Path, metavar="FILE", help="DBC of the car's own CAN")
+    group.add_argument("--speed-signal", metavar="NAME", help="its signal of the host speed")
+    group.add_argument("--accel-signal", metavar="NAME", help="its signal of the acceleration")
+
+
+def read_options(options: argparse.Namespace) -> ReadOptions:
+    """Options of reading from a parsed command line. Raises UserError."""
+    standstill = options.imu_offset == STANDSTILL
+    rotation = _numbers("--imu-rotation", options.imu_rotation, 3)
+    offset = 0.0 if standstill else _numbers("--imu-offset", options.imu_offset, 1)[0]
+    signals = (options.speed_signal, options.accel_signal)
+    if options.host_dbc is None and any(signals):
+        raise UserError("--speed-signal and --accel-signal need --host-dbc FILE")
+    return ReadOptions(
+        mapping=parse_mapping(options.map),
+        topics=Topics(options.radar_topic, options.accel_topic, options.speed_topic),
+        mounting=Mounting((rotation[0], rotation[1], rotation[2]), offset),
+        standstill=standstill,
+        host=None if options.host_dbc is None else HostSignals(options.host_dbc, *signals),
+    )
+
+
+def _numbers(option: str, text: str, count: int) -> list[float]:
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(map(isfinite, values)):
+        wanted = "a number" if count == 1 else f"{count} numbers with commas between"
+        raise UserError(f"{option} {text}: {wanted} is expected")
+    return values
+
+
+def read_streams(
+    path: Path, options: ReadOptions | None = None
+) -> tuple[dict[str, list[Sample]], list[str]]:
+    """The streams of a recording, and what is to be said of it. Raises UserError."""
+    options = options or ReadOptions()
     if not path.exists():
         raise UserError(f"{path}: no such file{_neighbours(path)}")
-    if path.is_dir() or path.suffix in BAG_SUFFIXES:
-        if mapping:
-            raise UserError(f"{path}: --map names columns of a CSV drive, and this is a bag")
-        if path.is_dir() and not (path / "metadata.yaml").is_file():
-            raise UserError(f"{path}: is a folder without metadata.yaml; a bag folder is expected")
-        return make_drive(str(path), read_bag_streams(path))
-    if path.suffix != ".csv":
+    bag = path.suffix in BAG_SUFFIXES or (path / "metadata.yaml").is_file()
+    segment = path.is_dir() and not bag and is_segment(path)
+    if options.mapping and path.suffix != ".csv":
+        raise UserError(f"{path}: --map names columns of a CSV drive, and this is none")
+    remarks: list[str] = []
+    if bag:
+        streams, remarks = read_bag_streams(path, options.topics, options.mounting, options.host)
+    elif segment:
+        streams = read_segment_streams(path, options.mounting)
+    elif path.is_dir():
         raise UserError(
-            f"{path}: is no drive; a .csv file, a bag folder or one of "
-            f"{', '.join(BAG_SUFFIXES)} is expected"
+            f"{path}: is a folder without metadata.yaml or processed_log; a bag folder or a "
+            "comma2k19 segment is expected"
         )
-    return make_drive(str(path), read_csv_streams(path, mapping or {}))
+    elif path.suffix in CAN_SUFFIXES:
+        streams, remarks = read_can_streams(path, options.host)
+    elif path.suffix == ".csv":
+        streams = read_csv_streams(path, options.mapping)
+    else:
+        raise UserError(
+            f"{path}: is no drive; a .csv file, a bag folder, a CAN log "
+            f"({', '.join(CAN_SUFFIXES)}) or one of {', '.join(BAG_SUFFIXES)} is expected"
+        )
+    if options.standstill:
+        streams = without_offset(path, streams)
+    return streams, remarks
+
+
+def without_offset(path: Path, streams: dict[str, list[Sample]]) -> dict[str, list[Sample]]:
+    """Streams whose acceleration is zero at standstill. Raises UserError without standstill."""
+    speed = [s for s in streams.get(HOST_SPEED, ()) if isinstance(s, ScalarSample)]
+    felt = [s for s in streams[ACCELERATION] if isinstance(s, ScalarSample)]
+    times = np.array([s.stamp for s in speed], dtype=float)
+    standing = (
+        np.interp([s.stamp for s in felt], times, [abs(s.value) for s in speed]) < STANDING
+        if len(times)
+        else np.zeros(len(felt), dtype=bool)
+    )
+    if standing.sum() < STANDING_SAMPLES:
+        raise UserError(
+            f"{path}: --imu-offset {STANDSTILL}: the car stands for {standing.sum()} accelerations "
+            f"only, {STANDING_SAMPLES} are needed; give the offset in m/s^2"
+        )
+    offset = float(np.median([s.value for s, still in zip(felt, standing, strict=True) if still]))
+    changed: list[Sample] = [replace(s, value=s.value - offset) for s in felt]
+    return {**streams, ACCELERATION: changed}
+
+
+def read_drive(path: Path, options: ReadOptions | None = None) -> Drive:
+    """Read a drive. Raises UserError with one clear line for anything that is not one."""
+    streams, remarks = read_streams(path, options)
+    drive = make_drive(str(path), streams)
+    return replace(drive, warnings=(*remarks, *drive.warnings))
 
 
 def _neighbours(path: Path) -> str:
     """What drives are there instead."""
     if not path.parent.is_dir():
         return f"; there is no folder {path.parent} either"
-    there = sorted(p.name for p in path.parent.iterdir() if p.suffix in (*BAG_SUFFIXES, ".csv"))
+    suffixes = (*BAG_SUFFIXES, *CAN_SUFFIXES, ".csv")
+    there = sorted(p.name for p in path.parent.iterdir() if p.suffix in suffixes)
     return f"; in {path.parent} there are: {', '.join(there[:10])}" if there else ""
 
 
-def parse_mapping(texts: list[str]) -> dict[str, str]:
+def parse_mapping(texts: Sequence[str]) -> dict[str, str]:
     """`--map NAME=COLUMN` options as a dictionary. Raises UserError for another form."""
     mapping = {}
     for text in texts:

@@ -1,0 +1,115 @@
+"""Segments of the comma2k19 data set, as they are downloaded: a folder of numpy arrays.
+
+The layout is described in the README of that data set. Each log holds times in `t` (s) and values
+in `value`; the radar's rows are forward distance (m), left distance (m), relative speed (m/s),
+two unused columns, the track's address, and whether it is a new track. The windshield phone's
+accelerometer gives forward, right and down.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lfd_mpc.errors import UserError
+from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, Sample, ScalarSample
+from lfd_replay.lead_selection import LeadSelector, Track
+from lfd_replay.recorded_messages import Mounting
+
+Array = NDArray[np.float64]
+
+LOG = "processed_log"
+SPEED = ("CAN/speed", "CAN/car_speed")
+RADAR_TRACKS = ("CAN/radar",)
+ACCELEROMETER = ("IMU/accelerometer", "IMU/acceleration")
+YAW = ("IMU/gyro", "IMU/gyro_uncalibrated")
+"""Where each signal is, under its names in the data and in its description."""
+
+DISTANCE, LEFT, RATE, ADDRESS = 0, 1, 2, 5
+"""Columns of the radar."""
+
+SCAN_GAP = 0.02
+"""Tracks further apart in s belong to two scans."""
+
+
+def is_segment(path: Path) -> bool:
+    """Whether a folder is a segment, or its processed log."""
+    return (path / LOG).is_dir() or (path / "CAN").is_dir()
+
+
+def read_segment_streams(path: Path, mounting: Mounting) -> dict[str, list[Sample]]:
+    """The streams of a segment. Raises UserError where a log is missing or damaged."""
+    folder = path / LOG if (path / LOG).is_dir() else path
+    speed_time, speed = _log(folder, SPEED)
+    radar_time, tracks = _log(folder, RADAR_TRACKS)
+    streams: dict[str, list[Sample]] = {
+        RADAR: _radar(folder, radar_time, tracks, speed_time, speed.reshape(len(speed), -1)[:, 0]),
+        HOST_SPEED: [
+            ScalarSample(HOST_SPEED, _stamp(t), float(v))
+            for t, v in zip(speed_time, speed.reshape(len(speed), -1)[:, 0], strict=True)
+        ],
+        ACCELERATION: [],
+    }
+    if _there(folder, ACCELEROMETER) is not None:
+        time, felt = _log(folder, ACCELEROMETER)
+        # Forward, right, down; a sensor in a car is forward, left, up.
+        streams[ACCELERATION] = [
+            ScalarSample(ACCELERATION, _stamp(t), mounting.forward(x, -y, -z))
+            for t, (x, y, z) in zip(time, felt[:, :3].tolist(), strict=True)
+        ]
+    return streams
+
+
+def _radar(
+    folder: Path, time: Array, tracks: Array, speed_time: Array, speed: Array
+) -> list[Sample]:
+    if tracks.ndim != 2 or tracks.shape[1] <= ADDRESS:
+        raise UserError(
+            f"{folder}/{RADAR_TRACKS[0]}/value: has shape {tracks.shape}; rows of 7 are expected"
+        )
+    selector, samples = LeadSelector(), []
+    yaw_time, yaw = np.empty(0), np.empty(0)
+    if _there(folder, YAW) is not None:
+        yaw_time, gyro = _log(folder, YAW)
+        # Turning left is positive here; the phone's third axis points down.
+        yaw = -gyro[:, 2]
+    for rows in np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) > SCAN_GAP) + 1):
+        if not len(rows):
+            continue
+        now = time[rows[-1]]
+        scan = [
+            Track(int(row[ADDRESS]), row[DISTANCE], row[LEFT], row[RATE])
+            for row in tracks[rows].tolist()
+            if np.isfinite(row[DISTANCE])
+        ]
+        host = float(np.interp(now, speed_time, speed)) if len(speed) else None
+        turning = float(np.interp(now, yaw_time, yaw)) if len(yaw) else None
+        samples.append(selector.select(_stamp(now), scan, host, turning))
+    return samples
+
+
+def _there(folder: Path, names: tuple[str, ...]) -> Path | None:
+    return next((folder / name for name in names if (folder / name / "t").is_file()), None)
+
+
+def _log(folder: Path, names: tuple[str, ...]) -> tuple[Array, Array]:
+    """Times and values of one log."""
+    log = _there(folder, names)
+    if log is None:
+        there = ", ".join(
+            sorted(str(file.parent.relative_to(folder)) for file in folder.glob("*/*/t"))
+        )
+        raise UserError(f"{folder}: no log {names[0]}; there are: {there or 'none'}")
+    try:
+        time = np.load(log / "t", allow_pickle=False).astype(float)
+        value = np.load(log / "value", allow_pickle=False).astype(float)
+    except (OSError, ValueError, EOFError) as error:
+        detail = " ".join(str(error).split())[:200]
+        raise UserError(f"{log}: cannot be read as numpy arrays ({detail})") from error
+    if len(time) != len(value):
+        raise UserError(f"{log}: {len(time)} times and {len(value)} values; as many are expected")
+    return time, value
+
+
+def _stamp(seconds: float) -> int:
+    return round(float(seconds) * 1e9)

@@ -1,0 +1,166 @@
+"""Messages of other people's cars become samples: the same in bags and on live topics.
+
+Each converter takes anything with the message's fields, be it read from a bag or received. Stamps
+are those of the headers; a header without a stamp counts as stamped when it was received.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import cos, radians, sin
+from typing import Any
+
+import numpy as np
+
+from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample, ScalarSample
+from lfd_replay.can_log import CanDrive, HostSignals
+from lfd_replay.esr import ScanAssembler, esr_track, select_lead
+from lfd_replay.lead_selection import LeadSelector, Track
+
+ESR_TRACK, ESR_STATUS_4 = "delphi_esr_msgs/msg/EsrTrack", "delphi_esr_msgs/msg/EsrStatus4"
+RADAR_TRACKS = "radar_msgs/msg/RadarTracks"
+CAN_FRAME = "can_msgs/msg/Frame"
+
+TYPES = {
+    RADAR: ("lfd_msgs/msg/RadarTarget", ESR_TRACK, RADAR_TRACKS, CAN_FRAME),
+    ACCELERATION: ("sensor_msgs/msg/Imu", "geometry_msgs/msg/AccelWithCovarianceStamped"),
+    HOST_SPEED: ("geometry_msgs/msg/TwistStamped", "nav_msgs/msg/Odometry"),
+}
+"""Message types that carry each input; where a recording has several, the first one counts."""
+
+STATIC, DYNAMIC = 1, 2
+"""Classifications of a `radar_msgs/RadarTrack`."""
+
+
+@dataclass(frozen=True)
+class Mounting:
+    """How an accelerometer sits in the car.
+
+    `rotation`: roll, pitch and yaw of the sensor in the car in degrees; `offset` in m/s^2 is taken
+    off the forward acceleration.
+    """
+
+    rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset: float = 0.0
+
+    def forward(self, x: float, y: float, z: float) -> float:
+        """Forward acceleration of the car in m/s^2 from the sensor's own x, y and z."""
+        if self.rotation == (0.0, 0.0, 0.0):
+            return x - self.offset
+        roll, pitch, yaw = map(radians, self.rotation)
+        # First row of R = Rz(yaw) Ry(pitch) Rx(roll), which turns the sensor's axes into the car's.
+        row = (
+            cos(yaw) * cos(pitch),
+            cos(yaw) * sin(pitch) * sin(roll) - sin(yaw) * cos(roll),
+            cos(yaw) * sin(pitch) * cos(roll) + sin(yaw) * sin(roll),
+        )
+        return row[0] * x + row[1] * y + row[2] * z - self.offset
+
+
+class MessageConverter:
+    """Messages of one recording, or of one car, to samples; counts what is damaged."""
+
+    def __init__(self, mounting: Mounting | None = None, host: HostSignals | None = None) -> None:
+        """Raises UserError for a DBC file or signal that is not there."""
+        self._mounting = mounting or Mounting()
+        self._can = CanDrive(host)
+        self.counts: Counter[str] = self._can.counts
+        self._selector = LeadSelector()
+        self._assembler = ScanAssembler(self.counts)
+        self._numbers: dict[bytes, int] = {}
+        self._speed: float | None = None
+        self._yaw_rate: float | None = None
+        self._converters: dict[str, Callable[[Any, int], Iterator[Sample]]] = {
+            "lfd_msgs/msg/RadarTarget": self._radar_target,
+            ESR_TRACK: self._esr_track,
+            ESR_STATUS_4: self._esr_status_4,
+            RADAR_TRACKS: self._radar_tracks,
+            CAN_FRAME: self._can_frame,
+            "sensor_msgs/msg/Imu": self._imu,
+            "geometry_msgs/msg/AccelWithCovarianceStamped": self._accel,
+            "geometry_msgs/msg/TwistStamped": self._twist,
+            "nav_msgs/msg/Odometry": self._odometry,
+        }
+
+    def push(self, message_type: str, message: Any, received: int) -> Iterator[Sample]:
+        """Take a message of a type in `TYPES`, received at `received` (ns)."""
+        header = message.header.stamp
+        stamp = header.sec * 1_000_000_000 + header.nanosec
+        yield from self._converters[message_type](message, stamp or received)
+
+    def flush(self) -> Iterator[Sample]:
+        """What the end of a recording has cut off."""
+        for scan in self._assembler.flush():
+            yield select_lead(self._selector, scan, self._speed, self._yaw_rate)
+        yield from self._can.flush()
+
+    def _radar_target(self, message: Any, stamp: int) -> Iterator[Sample]:
+        yield RadarSample(
+            stamp=stamp,
+            has_target=bool(message.has_target),
+            clearance=float(message.clearance),
+            relative_velocity=float(message.relative_velocity),
+            track_id=int(message.track_id),
+            sensor_flags=int(message.sensor_flags),
+            sensor_text=str(message.sensor_text),
+        )
+
+    def _esr_track(self, message: Any, stamp: int) -> Iterator[Sample]:
+        track = esr_track(
+            int(message.id),
+            int(message.status),
+            float(message.range),
+            float(message.angle),
+            float(message.range_rate),
+        )
+        rolling = int(message.rolling_count)
+        for scan in self._assembler.push(stamp, int(message.id), track, rolling):
+            yield select_lead(self._selector, scan, self._speed, self._yaw_rate)
+
+    def _esr_status_4(self, message: Any, _stamp: int) -> Iterator[Sample]:
+        self._assembler.in_path = int(message.path_id_acc)
+        yield from ()
+
+    def _radar_tracks(self, message: Any, stamp: int) -> Iterator[Sample]:
+        tracks = [self._track(track) for track in message.tracks]
+        yield self._selector.select(stamp, tracks, self._speed, self._yaw_rate)
+
+    def _track(self, track: Any) -> Track:
+        identity = bytes(track.uuid.uuid)
+        known = {STATIC: False, DYNAMIC: True}
+        return Track(
+            number=self._numbers.setdefault(identity, len(self._numbers) + 1),
+            clearance=float(track.position.x),
+            lateral=float(track.position.y),
+            relative_velocity=float(track.velocity.x),
+            moving=known.get(int(track.classification)),
+        )
+
+    def _can_frame(self, message: Any, stamp: int) -> Iterator[Sample]:
+        if message.is_error or message.is_rtr:
+            self.counts["error and remote frames"] += 1
+            return
+        data = bytes(np.asarray(message.data, dtype=np.uint8))[: int(message.dlc)]
+        yield from self._can.push((stamp, int(message.id), data))
+
+    def _imu(self, message: Any, stamp: int) -> Iterator[Sample]:
+        if message.angular_velocity_covariance[0] != -1.0:
+            self._yaw_rate = float(message.angular_velocity.z)
+        yield self._forward(message.linear_acceleration, stamp)
+
+    def _accel(self, message: Any, stamp: int) -> Iterator[Sample]:
+        yield self._forward(message.accel.accel.linear, stamp)
+
+    def _forward(self, vector: Any, stamp: int) -> Sample:
+        value = self._mounting.forward(float(vector.x), float(vector.y), float(vector.z))
+        return ScalarSample(ACCELERATION, stamp, value)
+
+    def _twist(self, message: Any, stamp: int) -> Iterator[Sample]:
+        yield self._host_speed(message.twist, stamp)
+
+    def _odometry(self, message: Any, stamp: int) -> Iterator[Sample]:
+        yield self._host_speed(message.twist.twist, stamp)
+
+    def _host_speed(self, twist: Any, stamp: int) -> Sample:
+        self._speed = float(twist.linear.x)
+        return ScalarSample(HOST_SPEED, stamp, self._speed)
