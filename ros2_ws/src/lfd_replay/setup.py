@@ -4,9 +4,12 @@ EXECUTABLES = (
     "bag_player",
     "calibrate",
     "evaluate",
+    "host_adapter",
     "import_drive",
+    "inspect",
     "make_drive",
     "paper_evaluation",
+    "radar_adapter",
 )
 
 setup(

@@ -69,7 +69,7 @@ def _host_signals(host: HostSignals) -> dict[int, list[_Signal]]:
     """The wanted signals by frame identifier. Raises UserError."""
     try:
         database = cantools.database.load_file(host.dbc)
-    except (OSError, UnicodeDecodeError, cantools.Error) as error:
+    except (OSError, ValueError, cantools.Error) as error:
         detail = " ".join(str(error).split())[:200]
         raise UserError(f"{host.dbc}: cannot be read as a DBC file ({detail})") from error
     by_frame: dict[int, list[_Signal]] = {}

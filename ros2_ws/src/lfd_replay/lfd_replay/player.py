@@ -7,12 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, isnan
 
-from geometry_msgs.msg import TwistStamped
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Imu
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
@@ -21,17 +19,17 @@ from lfd_mpc.horizon import Horizon
 from lfd_mpc.messages import from_message, to_time
 from lfd_mpc.mpc_node import RECEIPTS_QOS, RECEIPTS_TOPIC
 from lfd_mpc.node_support import PIPELINE_QOS, READY_QOS, READY_TOPIC
-from lfd_mpc.sampling import RADAR, Reading, Sample, Sampler, StepInputs
+from lfd_mpc.sampling import Reading, Sample, Sampler, StepInputs
 from lfd_mpc.settings import STEP_NS
 from lfd_msgs.msg import (
     FaultReport,
     ObserverBank,
     PredictionHorizon,
-    RadarTarget,
     ReconstructedState,
 )
 from lfd_replay.drive import Drive, playing_times
 from lfd_replay.faults import Fault, FaultInjector
+from lfd_replay.sample_publishers import SamplePublishers
 
 GRAPH_NODES = ("mpc_node", "observer_node", "diagnosis_node")
 
@@ -123,9 +121,7 @@ class PlayerNode(Node):
         self._deadline = inf
         self.error: LockstepError | None = None
         self._clock = self.create_publisher(Clock, "/clock", 10)
-        self._twist = self.create_publisher(TwistStamped, "vehicle/twist", PIPELINE_QOS)
-        self._radar = self.create_publisher(RadarTarget, "radar/target", PIPELINE_QOS)
-        self._imu = self.create_publisher(Imu, "vehicle/imu", PIPELINE_QOS)
+        self._outputs = SamplePublishers(self, PIPELINE_QOS)
         self.create_subscription(String, READY_TOPIC, self._on_ready, READY_QOS)
         self.create_service(Trigger, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/resume", self._on_resume)
@@ -243,30 +239,7 @@ class PlayerNode(Node):
 
     def _send(self, sample: Sample) -> None:
         self._position += 1
-        stamp = to_time(sample.stamp)
-        if sample.input == RADAR:
-            message = RadarTarget(
-                track_id=sample.track_id,
-                has_target=sample.has_target,
-                clearance=sample.clearance,
-                relative_velocity=sample.relative_velocity,
-                sensor_flags=sample.sensor_flags,
-                sensor_text=sample.sensor_text,
-            )
-            message.header.stamp = stamp
-            self._radar.publish(message)
-        elif sample.input == "acceleration":
-            imu = Imu()
-            imu.header.stamp = stamp
-            imu.linear_acceleration.x = sample.value
-            # Only the acceleration is known.
-            imu.orientation_covariance[0] = imu.angular_velocity_covariance[0] = -1.0
-            self._imu.publish(imu)
-        else:
-            twist = TwistStamped()
-            twist.header.stamp = stamp
-            twist.twist.linear.x = sample.value
-            self._twist.publish(twist)
+        self._outputs.publish(sample)
 
     def _tick(self, stamp: int) -> None:
         """Move /clock on, at most once per 10 ms."""
@@ -294,8 +267,7 @@ class PlayerNode(Node):
 
     def _check_reliable(self) -> None:
         """Lockstep must not lose a sample. Raises UserError where one could be lost."""
-        for publisher in (self._radar, self._imu, self._twist):
-            topic = publisher.topic_name
+        for topic in self._outputs.topics:
             for info in self.get_subscriptions_info_by_topic(topic):
                 best_effort = info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
                 if info.node_name == "mpc_node" and best_effort:

@@ -1,0 +1,94 @@
+"""inspect: what is in a recording, and whether the graph can run on it."""
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.table import Table
+
+from lfd_mpc.errors import UserError
+from lfd_replay.errors import run_command
+from lfd_replay.evaluate import print_table
+from lfd_replay.inspection import bag_topics, inspect_streams, remarks
+from lfd_replay.read_drive import add_read_options, read_options, read_streams
+from lfd_replay.text_file import write_text
+
+
+def _figure(value: float | None, unit: str = "", digits: int = 3) -> str:
+    return "-" if value is None else f"{value:.{digits}f}{unit}"
+
+
+def _inputs_table(figures: dict, title: str) -> Table:
+    columns = ("input", "samples", "rate", "gaps", "longest", "steps", "repeated", "backward")
+    table = Table(*columns, "ranges", title=title, title_justify="left")
+    for name, values in figures["inputs"].items():
+        ranges = [
+            f"{signal} {_figure(r['least'], digits=2)} to {_figure(r['greatest'], digits=2)}"
+            + (f" ({r['not_finite']} not finite)" if r["not_finite"] else "")
+            for signal, r in values["ranges"].items()
+        ]
+        if "share_with_lead" in values:
+            ranges.append(f"lead {values['share_with_lead']:.1%} ({values['leads']} ids)")
+        table.add_row(
+            name,
+            str(values["samples"]),
+            _figure(values["rate_hz"], " Hz", 1),
+            str(values["gaps"]),
+            _figure(values["longest_gap_s"], " s"),
+            str(values["clock_steps"]),
+            str(values["repeated_stamps"]),
+            str(values["backward_stamps"]),
+            "\n".join(ranges) or "-",
+        )
+    return table
+
+
+def main_inspect(arguments: list[str]) -> int:
+    """The command line of `inspect`."""
+    parser = argparse.ArgumentParser(prog="inspect", description=__doc__)
+    parser.add_argument("drive", type=Path, help="CSV file, bag, CAN log or folder of a segment")
+    add_read_options(parser)
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
+    options = parser.parse_args(arguments)
+
+    reading = read_options(options)
+    topics = bag_topics(options.drive) if options.drive.exists() else []
+    problem = ""
+    try:
+        streams, damage = read_streams(options.drive, reading)
+    except UserError as error:
+        if not topics:
+            raise
+        # The bag can be read; what the graph needs is not in it, or must be chosen.
+        streams, damage, problem = {}, [], str(error).removeprefix(f"{options.drive}: ")
+    figures = inspect_streams(streams)
+    if problem:
+        figures["missing"] = [problem]
+    notes = [] if problem else [*damage, *remarks(figures)]
+    result = {
+        "drive": str(options.drive),
+        **figures,
+        "remarks": notes,
+        "topics": [asdict(topic) for topic in topics],
+    }
+    if options.json:
+        write_text(options.json, json.dumps(result, indent=1, allow_nan=False) + "\n")
+    if topics:
+        table = Table("topic", "type", "messages", title="Topics", title_justify="left")
+        for topic in topics:
+            table.add_row(topic.name, topic.type, str(topic.messages))
+        print_table(table)
+    print_table(_inputs_table(figures, f"{options.drive}: {figures['duration_s']:.1f} s"))
+    for note in notes:
+        print(f"note: {note}")
+    if figures["missing"]:
+        print("the graph cannot run on it: " + "; ".join(figures["missing"]))
+    else:
+        print("the graph can run on it")
+    return 0
+
+
+def main() -> int:
+    """Entry point of `lfd_replay inspect`."""
+    return run_command(main_inspect)

@@ -1,0 +1,139 @@
+"""What a recording holds, and whether the graph can run on it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lfd_mpc.sampling import (
+    ACCELERATION,
+    AHEAD_NS,
+    HOST_SPEED,
+    INPUTS,
+    RADAR,
+    RadarSample,
+    Sample,
+    ScalarSample,
+)
+from lfd_replay.drive_bag import open_bag
+from lfd_replay.read_drive import BAG_SUFFIXES
+
+Array = NDArray[np.float64]
+
+GAP_PERIODS = 5
+"""A gap is longer than so many of an input's own periods."""
+
+LONGEST_PERIOD = {RADAR: 0.15, ACCELERATION: 0.05}
+"""Seconds between samples with which an input can be judged at all."""
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic of a bag: name, type, and how many messages it has."""
+
+    name: str
+    type: str
+    messages: int
+
+
+def bag_topics(path: Path) -> list[Topic]:
+    """All topics of a bag; none for another kind of recording. Raises UserError."""
+    if path.suffix not in BAG_SUFFIXES and not (path / "metadata.yaml").is_file():
+        return []
+    with open_bag(path) as reader:
+        return sorted(
+            (Topic(c.topic, c.msgtype, c.msgcount) for c in reader.connections),
+            key=lambda topic: topic.name,
+        )
+
+
+def inspect_streams(streams: dict[str, list[Sample]]) -> dict:
+    """Figures of every input; times in s, None where there is nothing to tell."""
+    inputs = {name: _inspect(streams.get(name, ())) for name in INPUTS}
+    stamps = [sample.stamp for stream in streams.values() for sample in stream]
+    missing = _missing(inputs)
+    return {
+        "duration_s": (max(stamps) - min(stamps)) * 1e-9 if stamps else 0.0,
+        "inputs": inputs,
+        "runs": not missing,
+        "missing": missing,
+    }
+
+
+def _inspect(stream: Sequence[Sample]) -> dict:
+    stamps = np.array([sample.stamp for sample in stream], dtype=np.int64)
+    steps = np.diff(stamps)
+    forward = steps[steps > 0]
+    period = float(np.median(forward)) if len(forward) else None
+    gaps = forward[forward > GAP_PERIODS * period] if period else forward[:0]
+    figures = {
+        "samples": len(stamps),
+        "period_s": None if period is None else period * 1e-9,
+        "rate_hz": None if period is None else 1e9 / period,
+        "gaps": len(gaps),
+        "longest_gap_s": float(forward.max()) * 1e-9 if len(forward) else None,
+        "clock_steps": int((np.abs(steps) > AHEAD_NS).sum()),
+        "repeated_stamps": int((steps == 0).sum()),
+        "backward_stamps": int((steps < 0).sum()),
+        "ranges": {},
+    }
+    scans = [s for s in stream if isinstance(s, RadarSample)]
+    scalars = [s for s in stream if isinstance(s, ScalarSample)]
+    if scans:
+        figures["share_with_lead"] = sum(s.has_target for s in scans) / len(scans)
+        figures["leads"] = len({s.track_id for s in scans if s.has_target})
+        with_lead = [s for s in scans if s.has_target]
+        figures["ranges"]["clearance"] = _range([s.clearance for s in with_lead])
+        figures["ranges"]["relative_velocity"] = _range([s.relative_velocity for s in with_lead])
+    elif scalars:
+        figures["ranges"][scalars[0].input] = _range([s.value for s in scalars])
+    return figures
+
+
+def _range(values: Sequence[float]) -> dict:
+    """Least and greatest of the finite values, and how many are not finite."""
+    array: Array = np.array(values, dtype=float)
+    finite = array[np.isfinite(array)]
+    return {
+        "least": float(finite.min()) if len(finite) else None,
+        "greatest": float(finite.max()) if len(finite) else None,
+        "not_finite": int(len(array) - len(finite)),
+    }
+
+
+def _missing(inputs: dict[str, dict]) -> list[str]:
+    """What the graph lacks, in words."""
+    missing = []
+    for name, slowest in LONGEST_PERIOD.items():
+        figures = inputs[name]
+        if not figures["samples"]:
+            missing.append(f"no {name} sample")
+        elif figures["period_s"] is None:
+            missing.append(f"{name}: one sample tells nothing")
+        elif figures["period_s"] > slowest:
+            missing.append(
+                f"{name} comes every {figures['period_s']:.2f} s; "
+                f"more often than every {slowest:g} s is needed"
+            )
+    radar = inputs[RADAR]
+    if radar["samples"] and not radar["share_with_lead"]:
+        missing.append("the radar never sees a lead")
+    return missing
+
+
+def remarks(figures: dict) -> list[str]:
+    """What is worth knowing although the graph runs."""
+    found = []
+    if not figures["inputs"][HOST_SPEED]["samples"]:
+        found.append("no host speed: only the relative velocity is regulated")
+    for name, values in figures["inputs"].items():
+        for key, text in (
+            ("clock_steps", "steps of the clock over 1 s"),
+            ("backward_stamps", "backward stamps"),
+            ("repeated_stamps", "repeated stamps"),
+        ):
+            if values[key]:
+                found.append(f"{name}: {values[key]} {text}")
+    return found
