@@ -1,0 +1,507 @@
+"""Recordings of other people's cars: bags of each kind, comma2k19 segments, and inspect."""
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from esr_frames import scan_frames
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from test_esr import HOST_DBC, host_frames
+
+from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR
+from lfd_replay.drive import Drive
+from lfd_replay.errors import run_command
+from lfd_replay.import_drive import join_drive, main_import
+from lfd_replay.inspect import main_inspect
+from lfd_replay.message_definitions import DEFINITIONS
+from lfd_replay.read_drive import ReadOptions, read_drive
+from lfd_replay.recorded_messages import Mounting
+
+KINDS = ("mcap", "sqlite3", "ros1")
+SECONDS = 4.0
+
+
+def store(kind: str) -> Any:
+    types = get_typestore(Stores.ROS1_NOETIC if kind == "ros1" else Stores.ROS2_JAZZY)
+    for name, text in DEFINITIONS.items():
+        if name not in types.types:
+            types.register(get_types_from_msg(text, name))
+    return types
+
+
+class Car:
+    """Makes the messages of one car, of one kind of bag."""
+
+    def __init__(self, kind: str) -> None:
+        self.kind, self.store = kind, store(kind)
+        self.types = self.store.types
+
+    def make(self, name: str, **fields: Any) -> Any:
+        return self.types[name](**fields)
+
+    def header(self, time: float) -> Any:
+        nanoseconds = round(time * 1e9)
+        stamp = self.make(
+            "builtin_interfaces/msg/Time",
+            sec=nanoseconds // 1_000_000_000,
+            nanosec=nanoseconds % 1_000_000_000,
+        )
+        extra = {"seq": 0} if self.kind == "ros1" else {}
+        return self.make("std_msgs/msg/Header", stamp=stamp, frame_id="", **extra)
+
+    def vector(self, x: float, y: float = 0.0, z: float = 0.0) -> Any:
+        return self.make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+
+    def imu(self, time: float, x: float, y: float = 0.0, z: float = 9.81, yaw: float = 0.0) -> Any:
+        return self.make(
+            "sensor_msgs/msg/Imu",
+            header=self.header(time),
+            orientation=self.make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
+            orientation_covariance=np.zeros(9),
+            angular_velocity=self.vector(0.0, 0.0, yaw),
+            angular_velocity_covariance=np.zeros(9),
+            linear_acceleration=self.vector(x, y, z),
+            linear_acceleration_covariance=np.zeros(9),
+        )
+
+    def twist(self, time: float, speed: float) -> Any:
+        twist = self.make(
+            "geometry_msgs/msg/Twist", linear=self.vector(speed), angular=self.vector(0.0)
+        )
+        return self.make("geometry_msgs/msg/TwistStamped", header=self.header(time), twist=twist)
+
+    def odometry(self, time: float, speed: float) -> Any:
+        point = self.make("geometry_msgs/msg/Point", x=0.0, y=0.0, z=0.0)
+        turn = self.make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
+        pose = self.make("geometry_msgs/msg/Pose", position=point, orientation=turn)
+        twist = self.make(
+            "geometry_msgs/msg/Twist", linear=self.vector(speed), angular=self.vector(0.0)
+        )
+        return self.make(
+            "nav_msgs/msg/Odometry",
+            header=self.header(time),
+            child_frame_id="",
+            pose=self.make(
+                "geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36)
+            ),
+            twist=self.make(
+                "geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=np.zeros(36)
+            ),
+        )
+
+    def accel(self, time: float, x: float) -> Any:
+        accel = self.make(
+            "geometry_msgs/msg/Accel", linear=self.vector(x), angular=self.vector(0.0)
+        )
+        return self.make(
+            "geometry_msgs/msg/AccelWithCovarianceStamped",
+            header=self.header(time),
+            accel=self.make(
+                "geometry_msgs/msg/AccelWithCovariance", accel=accel, covariance=np.zeros(36)
+            ),
+        )
+
+    def esr_track(self, time: float, number: int, scan: int, **fields: Any) -> Any:
+        values = {
+            "canmsg": "", "id": number, "lat_rate": 0.0, "grouping_changed": False,
+            "oncoming": False, "status": 0, "angle": 0.0, "range": 0.0, "bridge_object": False,
+            "rolling_count": bool(scan % 2), "width": 0.0, "range_accel": 0.0,
+            "med_range_mode": 0, "range_rate": 0.0,
+        }  # fmt: skip
+        return self.make(
+            "delphi_esr_msgs/msg/EsrTrack", header=self.header(time), **(values | fields)
+        )
+
+    def esr_status_4(self, time: float, in_path: int) -> Any:
+        return self.make(
+            "delphi_esr_msgs/msg/EsrStatus4",
+            header=self.header(time), canmsg="", truck_target_det=False,
+            lr_only_grating_lobe_det=False, sidelobe_blockage=False, partial_blockage=False,
+            mr_lr_mode=0, rolling_count_3=0, path_id_acc=in_path, path_id_cmbb_move=0,
+            path_id_cmbb_stat=0, path_id_fcw_move=0, path_id_fcw_stat=0, auto_align_angle=0.0,
+            path_id_acc_stat=0,
+        )  # fmt: skip
+
+    def radar_tracks(self, time: float, *tracks: tuple[int, float, float, float]) -> Any:
+        point, covariance = "geometry_msgs/msg/Point", np.zeros(6, dtype=np.float32)
+        return self.make(
+            "radar_msgs/msg/RadarTracks",
+            header=self.header(time),
+            tracks=[
+                self.make(
+                    "radar_msgs/msg/RadarTrack",
+                    uuid=self.make(
+                        "unique_identifier_msgs/msg/UUID",
+                        uuid=np.full(16, number, dtype=np.uint8),
+                    ),
+                    position=self.make(point, x=x, y=y, z=0.0),
+                    velocity=self.vector(rate),
+                    acceleration=self.vector(0.0),
+                    size=self.vector(4.0),
+                    classification=0,
+                    position_covariance=covariance,
+                    velocity_covariance=covariance,
+                    acceleration_covariance=covariance,
+                    size_covariance=covariance,
+                )
+                for number, x, y, rate in tracks
+            ],
+        )
+
+    def can_frame(self, time: float, identifier: int, data: bytes) -> Any:
+        return self.make(
+            "can_msgs/msg/Frame",
+            header=self.header(time),
+            id=identifier,
+            is_rtr=False,
+            is_extended=False,
+            is_error=False,
+            dlc=len(data),
+            data=np.frombuffer(data, dtype=np.uint8),
+        )
+
+    def write(self, path: Path, rows: list[tuple[str, Any]]) -> Path:
+        """Rows of (topic, message) as a bag; an older sqlite3 bag carries no definitions."""
+        rows = sorted(rows, key=lambda row: stamp_of(row[1]))
+        if self.kind == "ros1":
+            path = path.with_suffix(".bag")
+            with Writer1(path) as writer:
+                self._fill(writer, rows, self.store.serialize_ros1)
+            return path
+        plugin = StoragePlugin.MCAP if self.kind == "mcap" else StoragePlugin.SQLITE3
+        version = 9 if self.kind == "mcap" else 8
+        with Writer2(path, version=version, storage_plugin=plugin) as writer:
+            self._fill(writer, rows, self.store.serialize_cdr)
+        return path
+
+    def _fill(self, writer: Any, rows: list[tuple[str, Any]], serialize: Any) -> None:
+        connections: dict[str, Any] = {}
+        for topic, message in rows:
+            kind = message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=self.store)
+            writer.write(connections[topic], stamp_of(message), serialize(message, kind))
+
+
+def stamp_of(message: Any) -> int:
+    stamp = message.header.stamp
+    return stamp.sec * 1_000_000_000 + stamp.nanosec
+
+
+def clearance_at(time: float) -> float:
+    return 30.0 - time
+
+
+def times(rate: float) -> Iterator[float]:
+    return (100.0 + k / rate for k in range(round(SECONDS * rate)))
+
+
+def host_rows(car: Car) -> list[tuple[str, Any]]:
+    rows = [("/imu/data", car.imu(t, 0.5)) for t in times(100.0)]
+    return rows + [("/vehicle/speed", car.twist(t, 15.0)) for t in times(50.0)]
+
+
+def esr_rows(car: Car, in_path: int | None = None) -> list[tuple[str, Any]]:
+    rows: list[tuple[str, Any]] = []
+    for scan, time in enumerate(times(20.0)):
+        if in_path is not None:
+            rows.append(("/esr/status4", car.esr_status_4(time, in_path)))
+        for number in range(1, 65):
+            fields = {}
+            if number in (12, 30):
+                distance = clearance_at(time - 100.0) + (20.0 if number == 30 else 0.0)
+                fields = {"status": 3, "range": distance, "range_rate": -1.0}
+            at = time + number * 0.0002
+            rows.append(("/esr/tracks", car.esr_track(at, number, scan, **fields)))
+    return rows
+
+
+def check_lead(drive: Drive, ahead: float = 0.0) -> None:
+    scans = [s for s in drive.samples if s.input == RADAR]
+    assert len(scans) == SECONDS * 20
+    seen = [s for s in scans if s.has_target]
+    assert len(seen) >= len(scans) - 3 and len({s.track_id for s in seen}) == 1
+    for scan in seen:
+        expected = clearance_at(scan.stamp * 1e-9 - 100.0) + ahead
+        assert scan.clearance == pytest.approx(expected, abs=0.08)
+        assert scan.relative_velocity == pytest.approx(-1.0)
+    felt = [s.value for s in drive.samples if s.input == ACCELERATION]
+    assert len(felt) == SECONDS * 100 and set(felt) == {0.5}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bag_of_esr_tracks_becomes_a_drive(kind: str, tmp_path: Path) -> None:
+    car = Car(kind)
+    bag = car.write(tmp_path / "bag", esr_rows(car) + host_rows(car))
+    drive = read_drive(bag)
+    check_lead(drive)
+    assert drive.count(HOST_SPEED) == SECONDS * 50 and not drive.warnings
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_radar_s_own_choice_in_a_bag_goes_first(kind: str, tmp_path: Path) -> None:
+    car = Car(kind)
+    bag = car.write(tmp_path / "bag", esr_rows(car, in_path=30) + host_rows(car))
+    check_lead(read_drive(bag), ahead=20.0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bag_of_radar_tracks_becomes_a_drive(kind: str, tmp_path: Path) -> None:
+    car = Car(kind)
+    rows = [
+        (
+            "/radar/tracks",
+            car.radar_tracks(t, (7, clearance_at(t - 100), 0.2, -1.0), (9, 12.0, 5.0, 0.0)),
+        )
+        for t in times(20.0)
+    ]
+    check_lead(read_drive(car.write(tmp_path / "bag", rows + host_rows(car))))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bag_of_can_frames_becomes_a_drive(kind: str, tmp_path: Path) -> None:
+    car, dbc = Car(kind), tmp_path / "car.dbc"
+    dbc.write_text(HOST_DBC)
+    frames = []
+    for scan, time in enumerate(times(20.0)):
+        lead = {"STATUS": 3, "RANGE": clearance_at(time - 100.0), "RANGE_RATE": -1.0}
+        frames += scan_frames(time, scan, {12: lead})
+    for time in times(100.0):
+        frames += host_frames(time, 15.0, 0.5)
+    rows = [("/can/rx", car.can_frame(*frame)) for frame in frames]
+    bag, out = car.write(tmp_path / "bag", rows), tmp_path / "out.mcap"
+    options = ["--host-dbc", str(dbc), "--speed-signal", "SPEED.SPEED", "--accel-signal", "ACCEL_X"]
+    assert run_command(main_import, [str(bag), *options, "-o", str(out)]) == 0
+    check_lead(read_drive(out))
+
+
+def test_odometry_and_acceleration_with_covariance_are_host_signals(tmp_path: Path) -> None:
+    car = Car("mcap")
+    rows = esr_rows(car)
+    rows += [("/odom", car.odometry(t, 15.0)) for t in times(50.0)]
+    rows += [("/accel", car.accel(t, 0.5)) for t in times(100.0)]
+    drive = read_drive(car.write(tmp_path / "bag", rows))
+    check_lead(drive)
+    assert {s.value for s in drive.samples if s.input == HOST_SPEED} == {15.0}
+
+
+def test_the_imported_drive_is_what_every_command_reads_from_the_bag(tmp_path: Path) -> None:
+    car = Car("mcap")
+    bag = car.write(tmp_path / "bag", esr_rows(car) + host_rows(car))
+    out = tmp_path / "out.mcap"
+    assert run_command(main_import, [str(bag), "-o", str(out)]) == 0
+    # By their text, since an unmeasured value is not equal to itself.
+    assert str(read_drive(out).samples) == str(read_drive(bag).samples)
+
+
+def test_several_topics_of_one_type_must_be_chosen_from(tmp_path: Path, capsys) -> None:
+    car = Car("mcap")
+    rows = esr_rows(car) + host_rows(car)
+    rows += [("/imu/raw", car.imu(t, 7.0)) for t in times(100.0)]
+    bag, out = car.write(tmp_path / "bag", rows), tmp_path / "out.mcap"
+    assert run_command(main_import, [str(bag), "-o", str(out)]) == 2
+    error = capsys.readouterr().err
+    assert "/imu/data, /imu/raw; choose one with --accel-topic" in error
+    assert run_command(main_import, [str(bag), "--accel-topic", "/imu/data", "-o", str(out)]) == 0
+    check_lead(read_drive(out))
+    assert run_command(main_import, [str(bag), "--accel-topic", "/x", "-o", str(out)]) == 2
+    assert "no such topic; there are: /esr/tracks" in capsys.readouterr().err
+    assert run_command(main_import, [str(bag), "--radar-topic", "/imu/raw", "-o", str(out)]) == 2
+    assert "is sensor_msgs/msg/Imu; one of lfd_msgs/msg/RadarTarget" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("rotation", "felt"),
+    [
+        ((0.0, 0.0, 180.0), (-0.5, 0.0, 9.81)),
+        ((0.0, 0.0, 90.0), (0.0, -0.5, 9.81)),
+        ((180.0, 0.0, 0.0), (0.5, 0.0, -9.81)),
+        ((0.0, 90.0, 0.0), (-9.81, 0.0, 0.5)),
+    ],
+)
+def test_a_turned_accelerometer_is_turned_back(
+    rotation: tuple[float, float, float], felt: tuple[float, float, float], tmp_path: Path
+) -> None:
+    assert Mounting(rotation).forward(*felt) == pytest.approx(0.5)
+    car = Car("mcap")
+    rows = esr_rows(car) + [("/imu", car.imu(t, *felt)) for t in times(100.0)]
+    bag = car.write(tmp_path / "bag", rows)
+    drive = read_drive(bag, ReadOptions(mounting=Mounting(rotation, 0.2)))
+    values = [s.value for s in drive.samples if s.input == ACCELERATION]
+    np.testing.assert_allclose(values, 0.3, atol=1e-9)
+
+
+def test_an_offset_is_told_at_standstill(tmp_path: Path, capsys) -> None:
+    car = Car("mcap")
+    rows = esr_rows(car)
+    rows += [("/imu", car.imu(t, -0.62 + (1.0 if t > 102 else 0.0))) for t in times(100.0)]
+    rows += [("/speed", car.twist(t, 0.0 if t < 102 else t - 102)) for t in times(50.0)]
+    bag, out = car.write(tmp_path / "bag", rows), tmp_path / "out.mcap"
+    arguments = [str(bag), "--imu-offset", "standstill", "-o", str(out)]
+    assert run_command(main_import, arguments) == 0
+    values = [s.value for s in read_drive(out).samples if s.input == ACCELERATION]
+    assert values[0] == pytest.approx(0.0) and values[-1] == pytest.approx(1.0)
+    moving = Car("mcap")
+    bag = moving.write(tmp_path / "moving", esr_rows(moving) + host_rows(moving))
+    arguments[0] = str(bag)
+    assert run_command(main_import, arguments) == 2
+    assert "the car stands for 0 accelerations only" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        (["--imu-rotation", "1,2"], "3 numbers with commas between is expected"),
+        (["--imu-offset", "much"], "a number is expected"),
+        (["--map", "range_m=x"], "--map names columns of a CSV drive"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(
+    option: list[str], said: str, tmp_path: Path, capsys
+) -> None:
+    car = Car("mcap")
+    bag = car.write(tmp_path / "bag", esr_rows(car) + host_rows(car))
+    assert run_command(main_import, [str(bag), *option, "-o", str(tmp_path / "o.mcap")]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+
+
+def segment_of(data: Path, folder: Path, named: bool = True) -> Path:
+    """The recorded drive in the layout of the data set that it is from."""
+    base = f"{data}/comma2k19_rav4_seg40"
+    tracks = np.genfromtxt(f"{base}.radar_alltracks.csv", delimiter=",", names=True)
+    speed = np.genfromtxt(f"{base}.speed.csv", delimiter=",", names=True)
+    phone = np.genfromtxt(f"{base}.imu_phone.csv", delimiter=",", names=True)
+    unused = np.full(len(tracks), np.nan)
+    nothing = np.zeros(len(phone))
+    logs = {
+        "CAN/radar": (
+            tracks["t_s"],
+            np.column_stack(
+                [tracks["range_m"], tracks["lateral_m"], tracks["range_rate_mps"], unused, unused,
+                 tracks["track_addr"], tracks["new_track"]]
+            ),
+        ),
+        f"CAN/{'speed' if named else 'car_speed'}": (
+            speed["t_s"],
+            speed["host_speed_mps"][:, None],
+        ),
+        "IMU/accelerometer": (
+            phone["t_s"],
+            np.column_stack([phone["acc_forward_mps2"], nothing, nothing + 9.81]),
+        ),
+    }  # fmt: skip
+    for name, (time, value) in logs.items():
+        log = folder / "processed_log" / name
+        log.mkdir(parents=True)
+        for array, file in ((time, "t"), (value, "value")):
+            with (log / file).open("wb") as out:
+                np.save(out, array)
+    return folder
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_a_comma2k19_segment_is_imported_by_naming_its_folder(
+    data: Path, tmp_path: Path, named: bool
+) -> None:
+    segment, out = segment_of(data, tmp_path / "40", named), tmp_path / "out.mcap"
+    accel = f"{data}/comma2k19_rav4_seg40.can_accel_0x24.csv:acc_forward_mps2"
+    assert run_command(main_import, [str(segment), "--accel", accel, "-o", str(out)]) == 0
+    drive = read_drive(out)
+    csv = join_drive(data / "comma2k19_rav4_seg40_lead.csv", accel, None)
+    known = {s.stamp: s for s in csv.samples if s.input == RADAR}
+    stamps = np.array(sorted(known))
+    late = [s for s in drive.samples if s.input == RADAR and s.stamp > 12e9]
+    near = [known[stamps[np.abs(stamps - s.stamp).argmin()]].clearance for s in late]
+    assert np.mean([abs(s.clearance - c) < 1.0 for s, c in zip(late, near, strict=True)]) > 0.98
+    assert len({s.track_id for s in late}) == 1
+    felt = [s for s in drive.samples if s.input == ACCELERATION]
+    assert felt == [s for s in csv.samples if s.input == ACCELERATION]
+
+
+def test_the_phone_s_offset_can_be_given(data: Path, tmp_path: Path) -> None:
+    segment = segment_of(data, tmp_path / "40")
+    plain, shifted = (
+        [s.value for s in read_drive(segment, options).samples if s.input == ACCELERATION]
+        for options in (ReadOptions(), ReadOptions(mounting=Mounting(offset=-0.62)))
+    )
+    np.testing.assert_allclose(np.subtract(shifted, plain), 0.62)
+
+
+def test_a_damaged_segment_is_named(data: Path, tmp_path: Path, capsys) -> None:
+    segment, out = segment_of(data, tmp_path / "40"), tmp_path / "out.mcap"
+    value = segment / "processed_log" / "CAN" / "radar" / "value"
+    value.write_bytes(value.read_bytes()[:1000])
+    assert run_command(main_import, [str(segment), "-o", str(out)]) == 2
+    assert "CAN/radar: cannot be read as numpy arrays" in capsys.readouterr().err
+    value.parent.joinpath("t").unlink()
+    assert run_command(main_import, [str(segment), "-o", str(out)]) == 2
+    assert "no log CAN/radar; there are: CAN/speed" in capsys.readouterr().err
+
+
+def inspected(path: Path, tmp_path: Path, *options: str) -> dict:
+    file = tmp_path / "inspected.json"
+    assert run_command(main_inspect, [str(path), *options, "--json", str(file)]) == 0
+    return json.loads(file.read_text())
+
+
+def test_inspect_says_what_is_there_and_that_the_graph_runs(tmp_path: Path, capsys) -> None:
+    car = Car("mcap")
+    bag = car.write(tmp_path / "bag", esr_rows(car, in_path=12) + host_rows(car))
+    found = inspected(bag, tmp_path)
+    assert found["runs"] and not found["missing"]
+    assert {t["name"]: t["messages"] for t in found["topics"]} == {
+        "/esr/status4": 80,
+        "/esr/tracks": 5120,
+        "/imu/data": 400,
+        "/vehicle/speed": 200,
+    }
+    radar = found["inputs"][RADAR]
+    assert radar["rate_hz"] == pytest.approx(20.0) and radar["share_with_lead"] == 1.0
+    assert radar["ranges"]["clearance"]["greatest"] == pytest.approx(30.0, abs=0.01)
+    assert found["inputs"][ACCELERATION]["ranges"]["acceleration"]["least"] == 0.5
+    assert "the graph can run on it" in capsys.readouterr().out
+
+
+def test_inspect_takes_what_the_graph_cannot_run_on(tmp_path: Path, capsys) -> None:
+    car = Car("mcap")
+    found = inspected(car.write(tmp_path / "bag", host_rows(car)), tmp_path)
+    assert not found["runs"] and "no topic of type lfd_msgs/msg/RadarTarget" in found["missing"][0]
+    assert len(found["topics"]) == 2
+    csv = tmp_path / "odd.csv"
+    rows = [f"{k * 0.05:.2f},{30 if k % 2 else ''},-1,15," for k in range(40)]
+    rows[20:20] = [rows[19], rows[19]]
+    csv.write_text("t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2\n" + "\n".join(rows))
+    found = inspected(csv, tmp_path)
+    assert found["missing"] == ["no acceleration sample"]
+    assert found["inputs"][RADAR]["share_with_lead"] == pytest.approx(0.5, abs=0.05)
+    assert found["inputs"][RADAR]["repeated_stamps"] == 2
+    assert any("repeated stamps" in remark for remark in found["remarks"])
+
+
+def test_inspect_tells_gaps_and_clock_steps(tmp_path: Path) -> None:
+    car = Car("mcap")
+    rows = [row for row in host_rows(car) if not 101.0 < stamp_of(row[1]) * 1e-9 < 101.5]
+    rows += [("/imu/data", car.imu(t + 50.0, math.nan)) for t in times(100.0)]
+    found = inspected(car.write(tmp_path / "bag", rows + esr_rows(car)), tmp_path)
+    felt = found["inputs"][ACCELERATION]
+    assert felt["gaps"] == 2 and felt["clock_steps"] == 1
+    assert felt["longest_gap_s"] == pytest.approx(46.01, abs=0.02)
+    assert felt["ranges"]["acceleration"]["not_finite"] == 400
+
+
+@pytest.mark.parametrize("name", ["no.mcap", "broken.mcap", "text.txt"])
+def test_inspect_refuses_only_what_cannot_be_read(name: str, tmp_path: Path, capsys) -> None:
+    path = tmp_path / name
+    if not name.startswith("no"):
+        path.write_text("this is no recording")
+    assert run_command(main_inspect, [str(path)]) == 2
+    error = capsys.readouterr().err
+    assert name in error and error.count("\n") == 1
