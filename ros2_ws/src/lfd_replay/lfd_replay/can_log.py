@@ -125,7 +125,9 @@ def read_can_streams(
     size = max(path.stat().st_size, 1)
     frames = 0
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(f"reading {path.name}", total=size)
+        # Only of text the position is known.
+        known = size if path.suffix == ".log" else None
+        task = progress.add_task(f"reading {path.name}", total=known)
 
         def at(position: int) -> None:
             progress.update(task, completed=position)
