@@ -42,8 +42,26 @@ def write_figure(figure: Figure, folder: Path) -> Path:
     ).ravel()
     for place, panel in zip(axes, figure.panels, strict=False):
         _draw(place, panel, last=not share or panel is figure.panels[-1])
+        if figure.columns == 1:
+            _legend(place, panel)
     for place in axes[len(figure.panels) :]:
         place.set_visible(False)
+    if figure.columns > 1:
+        # Narrow panels share one legend below.
+        entries = {
+            name: handle
+            for place in axes
+            for handle, name in zip(*place.get_legend_handles_labels(), strict=True)
+        }
+        if len(entries) > 1:
+            canvas.legend(
+                entries.values(),
+                entries.keys(),
+                loc="outside lower center",
+                fontsize=7,
+                frameon=False,
+                ncols=len(entries),
+            )
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{figure.key}.png"
     canvas.savefig(path, dpi=130)
@@ -73,6 +91,9 @@ def _draw(axes, panel: Panel, last: bool) -> None:
     if panel.lanes:
         axes.set_yticks(range(len(panel.lanes)), panel.lanes)
         axes.set_ylim(-0.5, len(panel.lanes) - 0.5)
+
+
+def _legend(axes, panel: Panel) -> None:
     handles, labels = axes.get_legend_handles_labels()
     if len(labels) > 1 and not panel.lanes:
         axes.legend(handles, labels, fontsize=6, frameon=False, ncols=min(len(labels), 4))
