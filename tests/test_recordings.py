@@ -486,6 +486,20 @@ def test_inspect_takes_what_the_graph_cannot_run_on(tmp_path: Path, capsys) -> N
     assert any("repeated stamps" in remark for remark in found["remarks"])
 
 
+def test_inspect_takes_a_csv_that_is_no_drive(data: Path, tmp_path: Path) -> None:
+    found = inspected(data / "comma2k19_rav4_seg40.radar_alltracks.csv", tmp_path)
+    assert not found["runs"] and "column 'host_speed_mps' is missing" in found["missing"][0]
+    assert found["inputs"][RADAR]["samples"] == 10100
+    csv = tmp_path / "back.csv"
+    rows = [f"{k % 30 * 0.05:.2f},30,-1,15,0.1" for k in range(60)]
+    csv.write_text("t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2\n" + "\n".join(rows))
+    found = inspected(csv, tmp_path)
+    assert not found["runs"] and "time decreases" in found["missing"][0]
+    for name in (RADAR, ACCELERATION, HOST_SPEED):
+        assert found["inputs"][name]["backward_stamps"] == 1
+    assert any("backward stamps" in remark for remark in found["remarks"])
+
+
 def test_inspect_tells_gaps_and_clock_steps(tmp_path: Path) -> None:
     car = Car("mcap")
     rows = [row for row in host_rows(car) if not 101.0 < stamp_of(row[1]) * 1e-9 < 101.5]

@@ -92,6 +92,13 @@ class Table:
             stamps.append(stamp)
         return stamps
 
+    def times(self) -> list[int | None]:
+        """Stamps in ns as they stand, in whatever order; None = missing or not finite."""
+        return [
+            None if seconds is None or not isfinite(seconds) else round(seconds * 1e9)
+            for seconds in self.column("t_s")
+        ]
+
 
 def scalar_stream(table: Table, column: str, name: str) -> list[Sample]:
     """The samples of one column; blank = no sample."""
@@ -107,17 +114,24 @@ def radar_stream(table: Table) -> list[Sample]:
     count = len(table.stamps())
     tracks = table.column(TRACK) if table.has(TRACK) else iter([None] * count)
     return [
-        RadarSample(
-            stamp=stamp,
-            has_target=clearance is not None,
-            clearance=nan if clearance is None else clearance,
-            relative_velocity=nan if clearance is None or velocity is None else velocity,
-            track_id=int(track) if track is not None and isfinite(track) else UNKNOWN_TRACK,
-        )
+        _scan(stamp, clearance, velocity, track)
         for stamp, clearance, velocity, track in zip(
             table.stamps(), table.column(RANGE), table.column(RANGE_RATE), tracks, strict=True
         )
     ]
+
+
+def _scan(
+    stamp: int, clearance: float | None, velocity: float | None, track: float | None
+) -> Sample:
+    """One row as a scan."""
+    return RadarSample(
+        stamp=stamp,
+        has_target=clearance is not None,
+        clearance=nan if clearance is None else clearance,
+        relative_velocity=nan if clearance is None or velocity is None else velocity,
+        track_id=int(track) if track is not None and isfinite(track) else UNKNOWN_TRACK,
+    )
 
 
 def read_csv_streams(
@@ -147,4 +161,30 @@ def read_csv_streams(
     for column, name in SCALARS.items():
         if column not in replaced:
             streams[name] = scalar_stream(table, column, name)
+    return streams
+
+
+def read_csv_as_it_is(path: Path, mapping: dict[str, str]) -> dict[str, list[Sample]]:
+    """The streams of a CSV file that may be no drive: time may decrease, columns may be missing.
+
+    Raises UserError for a file that cannot be read, has no time, or has text that is no number.
+    """
+    table = Table(path, mapping)
+    times = table.times()
+    columns = {
+        name: list(table.column(name)) if table.has(name) else [None] * len(times)
+        for name in (*COLUMNS[1:], TRACK)
+    }
+    streams: dict[str, list[Sample]] = {RADAR: [], HOST_SPEED: [], ACCELERATION: []}
+    for row, stamp in enumerate(times):
+        if stamp is None:
+            continue
+        clearance, velocity = columns[RANGE][row], columns[RANGE_RATE][row]
+        track = columns[TRACK][row]
+        if table.has(RANGE):
+            streams[RADAR].append(_scan(stamp, clearance, velocity, track))
+        for column, name in SCALARS.items():
+            value = columns[column][row]
+            if value is not None:
+                streams[name].append(ScalarSample(name, stamp, value))
     return streams

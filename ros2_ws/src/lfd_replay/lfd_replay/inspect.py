@@ -8,6 +8,7 @@ from pathlib import Path
 from rich.table import Table
 
 from lfd_mpc.errors import UserError
+from lfd_replay.drive_csv import read_csv_as_it_is
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import print_table
 from lfd_replay.inspection import bag_topics, inspect_streams, remarks
@@ -58,14 +59,18 @@ def main_inspect(arguments: list[str]) -> int:
     try:
         streams, damage = read_streams(options.drive, reading)
     except UserError as error:
-        if not topics:
+        # It can be read, but is no drive: what the graph needs is not there or must be chosen.
+        damage, problem = [], str(error).removeprefix(f"{options.drive}: ")
+        if options.drive.suffix == ".csv" and options.drive.is_file():
+            streams = read_csv_as_it_is(options.drive, reading.mapping)
+        elif topics:
+            streams = {}
+        else:
             raise
-        # The bag can be read; what the graph needs is not in it, or must be chosen.
-        streams, damage, problem = {}, [], str(error).removeprefix(f"{options.drive}: ")
     figures = inspect_streams(streams)
     if problem:
-        figures["missing"] = [problem]
-    notes = [] if problem else [*damage, *remarks(figures)]
+        figures["runs"], figures["missing"] = False, [problem]
+    notes = [*damage, *remarks(figures)] if streams else []
     result = {
         "drive": str(options.drive),
         **figures,
