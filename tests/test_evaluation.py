@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from lfd_diagnosis.verdict import State
+from lfd_replay.calibrate import main_calibrate
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
 from lfd_replay.evaluation import campaign, comparison
@@ -23,10 +24,12 @@ from lfd_replay.evaluation.trace import JUDGED, Trace, load_trace, record_trace
 from lfd_replay.evaluation.variants import LINEAR, SINGLE, variants
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.generate import generate_drive
+from lfd_replay.make_drive import main_make
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import graph_settings
 from lfd_replay.score import find_windows
 from lfd_replay.sensor_models import SENSORS
+from ros_support import Graph
 
 SETTINGS = graph_settings("paper")
 FAULTS = parse_faults(
@@ -179,10 +182,7 @@ def test_the_lead_and_the_radar_are_read_off_a_drive() -> None:
     assert radar.velocity_noise < velocity < 0.06
 
 
-def test_calibrate_writes_parameters_that_evaluate_takes(tmp_path: Path, capsys) -> None:
-    from lfd_replay.calibrate import main_calibrate
-    from lfd_replay.make_drive import main_make
-
+def test_calibrate_writes_parameters_that_evaluate_and_nodes_take(tmp_path: Path, capfd) -> None:
     drive, params, result = tmp_path / "d.mcap", tmp_path / "p.yaml", tmp_path / "r.json"
     assert run_command(main_make, ["data-1", "-o", str(drive)]) == 0
     assert run_command(main_calibrate, [str(drive), "-o", str(params)]) == 0
@@ -195,9 +195,14 @@ def test_calibrate_writes_parameters_that_evaluate_takes(tmp_path: Path, capsys)
     assert run_command(main_evaluate, arguments) == 0
     for figures in json.loads(result.read_text())["sensors"].values():
         assert figures["false_events"] == 0, "it was calibrated to none on this very drive"
-    capsys.readouterr()
+    with Graph() as graph:
+        graph.add_graph(["--ros-args", "--params-file", str(params)])
+        node = next(n for n in graph.nodes if n.get_name() == "diagnosis_node")
+        live = node.get_parameter("clearance_std").value
+        assert live == settings.diagnosis.clearance_std
+    capfd.readouterr()
     assert run_command(main_calibrate, [str(tmp_path / "no.mcap"), "-o", str(params)]) == 2
-    assert "no.mcap: no such file" in capsys.readouterr().err
+    assert "no.mcap: no such file" in capfd.readouterr().err
     assert params.read_text() == text, "nothing is lost"
 
 

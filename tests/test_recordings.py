@@ -14,15 +14,19 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from test_esr import HOST_DBC, host_frames
+from test_live_equals_offline import play_live
 
+from lfd_diagnosis.verdict import State
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.import_drive import join_drive, main_import
 from lfd_replay.inspect import main_inspect
 from lfd_replay.message_definitions import DEFINITIONS
+from lfd_replay.player import PlayOptions, samples_to_play
 from lfd_replay.read_drive import ReadOptions, read_drive
 from lfd_replay.recorded_messages import Mounting
+from ros_support import assert_live_equals_offline, offline
 
 KINDS = ("mcap", "sqlite3", "ros1")
 SECONDS = 4.0
@@ -299,6 +303,15 @@ def test_the_imported_drive_is_what_every_command_reads_from_the_bag(tmp_path: P
     assert run_command(main_import, [str(bag), "-o", str(out)]) == 0
     # By their text, since an unmeasured value is not equal to itself.
     assert str(read_drive(out).samples) == str(read_drive(bag).samples)
+
+
+def test_an_esr_bag_is_played_straight_into_the_graph(tmp_path: Path) -> None:
+    car = Car("mcap")
+    drive = read_drive(car.write(tmp_path / "bag", esr_rows(car) + host_rows(car)))
+    samples = samples_to_play(drive, [], PlayOptions())
+    own = offline(samples)
+    assert_live_equals_offline(play_live(samples, 0.0), own)
+    assert own["diagnosis/faults"][-1].clearance.state == State.OK
 
 
 def test_several_topics_of_one_type_must_be_chosen_from(tmp_path: Path, capsys) -> None:
