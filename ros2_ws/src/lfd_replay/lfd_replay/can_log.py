@@ -1,6 +1,5 @@
 """Recorded CAN traffic becomes a drive: candump logs, Vector ASC and BLF files."""
 
-import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -209,8 +208,8 @@ class _Lines:
         return line.decode("ascii", "replace")
 
     def read(self) -> str:
-        """Files have it; nobody asks for all of one."""
-        raise OSError(os.strerror(29))
+        """What makes this a file to its reader, which asks for lines only."""
+        raise NotImplementedError
 
     def close(self) -> None:
         """The file is closed by who opened it."""
