@@ -12,7 +12,7 @@ from lfd_diagnosis.verdict import State
 from lfd_mpc.messages import to_time
 from lfd_msgs.msg import FaultReport
 from lfd_replay.radar_adapter import SOURCES, RadarAdapterNode, message_class
-from lfd_replay.recorded_messages import CAN_FRAME, ESR_STATUS_4, ESR_TRACK, RADAR_TRACKS
+from lfd_replay.recordings.recorded_messages import CAN_FRAME, ESR_STATUS_4, ESR_TRACK, RADAR_TRACKS
 from ros_support import Graph
 
 

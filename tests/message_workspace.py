@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from lfd_replay.message_definitions import DEFINITIONS
+from lfd_replay.recordings.message_definitions import DEFINITIONS
 
 PACKAGES = {
     "can_msgs": ["std_msgs"],

@@ -20,13 +20,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR
-from lfd_replay.can_log import HostSignals, read_can_streams
 from lfd_replay.errors import run_command
-from lfd_replay.esr import EsrDecoder, database
 from lfd_replay.evaluate import main_evaluate
 from lfd_replay.import_drive import main_import
-from lfd_replay.lead_selection import Track
 from lfd_replay.read_drive import read_drive
+from lfd_replay.recordings.can_log import HostSignals, read_can_streams
+from lfd_replay.recordings.esr import EsrDecoder, database
+from lfd_replay.recordings.lead_selection import Track
 
 MS = 1_000_000
 

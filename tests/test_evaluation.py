@@ -23,12 +23,12 @@ from lfd_replay.evaluation.summary import case_rows, summary
 from lfd_replay.evaluation.trace import JUDGED, Trace, load_trace, record_trace
 from lfd_replay.evaluation.variants import LINEAR, SINGLE, variants
 from lfd_replay.faults import FaultInjector, parse_faults
-from lfd_replay.generate import generate_drive
+from lfd_replay.generated.generate import generate_drive
+from lfd_replay.generated.sensor_models import SENSORS
 from lfd_replay.make_drive import main_make
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import graph_settings
 from lfd_replay.score import find_windows
-from lfd_replay.sensor_models import SENSORS
 from ros_support import Graph
 
 SETTINGS = graph_settings("paper")

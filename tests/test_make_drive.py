@@ -15,17 +15,17 @@ from lfd_diagnosis.verdict import State
 from lfd_mpc.errors import UserError
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR
 from lfd_mpc.settings import STEP_S
-from lfd_replay.car_following import Array, Driver
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluation.cases import RECORDED, load_drive
-from lfd_replay.generate import drive_truth, generate_drive
-from lfd_replay.lead_profiles import NAMES, NORMAL
+from lfd_replay.generated.car_following import Array, Driver
+from lfd_replay.generated.generate import drive_truth, generate_drive
+from lfd_replay.generated.lead_profiles import NAMES, NORMAL
+from lfd_replay.generated.sensor_models import SENSORS
 from lfd_replay.make_drive import main_make
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import graph_settings
 from lfd_replay.read_drive import read_drive
-from lfd_replay.sensor_models import SENSORS
 
 SUITE = SENSORS["esr"]
 ROUNDING = 1.0 / math.sqrt(12.0)
@@ -62,7 +62,7 @@ def drive() -> Drive:
 def test_the_same_seed_gives_the_same_drive_in_any_process(drive: Drive) -> None:
     # Python's hash() of text differs from process to process; a drive must not depend on it.
     code = (
-        "from lfd_replay.generate import generate_drive; "
+        "from lfd_replay.generated.generate import generate_drive; "
         "print([s for s in generate_drive('data-1', 0, 'esr').samples])"
     )
     elsewhere = subprocess.run(

@@ -13,13 +13,11 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import Select, WebDriverWait
 from test_live_equals_offline import drive
 
-from lfd_replay.faults import FaultInjector, parse_faults
-from lfd_replay.figure_files import write_figure
-from lfd_replay.figure_page import cases_html, figure_html, table_html, write_page
-from lfd_replay.figures import POINTS, Figure, thinned
-from lfd_replay.offline import OfflineGraph
-from lfd_replay.panels import INDEXED, RecordedStep, Recording
-from lfd_replay.paper_figures import (
+from lfd_replay.drawing.figure_files import write_figure
+from lfd_replay.drawing.figure_page import cases_html, figure_html, table_html, write_page
+from lfd_replay.drawing.figures import POINTS, Figure, thinned
+from lfd_replay.drawing.panels import INDEXED, RecordedStep, Recording, contour_panels
+from lfd_replay.drawing.paper_figures import (
     case_figure,
     confusion_figure,
     detector_curves,
@@ -29,6 +27,8 @@ from lfd_replay.paper_figures import (
     mpc_figure,
     reconstruction_figure,
 )
+from lfd_replay.faults import FaultInjector, parse_faults
+from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import graph_settings
 
 SETTINGS = graph_settings("paper")
@@ -201,15 +201,10 @@ def test_a_case_has_the_panels_of_the_paper(cases: list[Figure]) -> None:
     assert contour.z.shape == (20, len(contour.x))
 
 
-def test_the_contour_is_what_the_index_counts() -> None:
+def test_the_contour_is_what_the_index_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     recording = record("offset:clearance=4,relative_velocity=-10@2-3")
-    from lfd_replay import panels
-
-    original, panels.CONTOUR_STEPS = panels.CONTOUR_STEPS, 1
-    try:
-        drawn = panels.contour_panels(recording, SETTINGS.diagnosis)
-    finally:
-        panels.CONTOUR_STEPS = original
+    monkeypatch.setattr("lfd_replay.drawing.panels.CONTOUR_STEPS", 1)
+    drawn = contour_panels(recording, SETTINGS.diagnosis)
     for panel, signal in zip(drawn, INDEXED[:2], strict=True):
         index = recording.verdict(signal, "index")
         known = np.isfinite(index)

@@ -22,10 +22,10 @@ from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.import_drive import join_drive, main_import
 from lfd_replay.inspect import main_inspect
-from lfd_replay.message_definitions import DEFINITIONS
 from lfd_replay.player import PlayOptions, samples_to_play
 from lfd_replay.read_drive import ReadOptions, read_drive
-from lfd_replay.recorded_messages import Mounting
+from lfd_replay.recordings.message_definitions import DEFINITIONS
+from lfd_replay.recordings.recorded_messages import Mounting
 from ros_support import assert_live_equals_offline, offline
 
 KINDS = ("mcap", "sqlite3", "ros1")

@@ -15,8 +15,14 @@ EXECUTABLES = (
 setup(
     name="lfd_replay",
     version="0.1.0",
-    packages=["lfd_replay", "lfd_replay.evaluation"],
-    package_data={"lfd_replay": ["dbc/*.dbc"]},
+    packages=[
+        "lfd_replay",
+        "lfd_replay.drawing",
+        "lfd_replay.evaluation",
+        "lfd_replay.generated",
+        "lfd_replay.recordings",
+    ],
+    package_data={"lfd_replay.recordings": ["dbc/*.dbc"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/lfd_replay"]),
         ("share/lfd_replay", ["package.xml"]),

@@ -23,8 +23,8 @@ from lfd_msgs.msg import (
     ReconstructedState,
 )
 from lfd_observer.bank import BankState
+from lfd_replay.drawing.panels import RecordedStep
 from lfd_replay.drive_bag import write_bag
-from lfd_replay.panels import RecordedStep
 
 TOPICS = {
     "radar/target": RadarTarget,

@@ -27,7 +27,7 @@ from lfd_replay.drive_bag import replace_folder, write_drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import add_drive_options, print_table, result_table, warn
 from lfd_replay.faults import Fault, parse_faults
-from lfd_replay.generate import generate_drive
+from lfd_replay.generated.generate import generate_drive
 from lfd_replay.paths import share_folder
 from lfd_replay.player import GRAPH_NODES, LockstepError, PlayerNode, samples_to_play
 from lfd_replay.profiles import PROFILES

@@ -3,7 +3,7 @@
 from typing import Literal
 
 from lfd_mpc.settings import Settings, setting
-from lfd_replay.recorded_messages import Mounting
+from lfd_replay.recordings.recorded_messages import Mounting
 
 OWN = "own choice"
 

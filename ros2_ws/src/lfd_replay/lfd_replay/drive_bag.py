@@ -17,11 +17,11 @@ from rosbags.typesys.store import Typestore
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
-from lfd_replay.can_log import HostSignals
 from lfd_replay.drive import Drive
-from lfd_replay.message_definitions import DEFINITIONS
 from lfd_replay.paths import share_folder
-from lfd_replay.recorded_messages import (
+from lfd_replay.recordings.can_log import HostSignals
+from lfd_replay.recordings.message_definitions import DEFINITIONS
+from lfd_replay.recordings.recorded_messages import (
     CAN_FRAME,
     ESR_STATUS_4,
     ESR_TRACK,

@@ -10,11 +10,11 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from lfd_replay.drawing.panels import RecordedStep
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.offline import GraphStep, OfflineGraph
-from lfd_replay.panels import RecordedStep
 from lfd_replay.profiles import PROFILES, graph_settings
 from lfd_replay.read_drive import add_read_options, read_drive, read_options
 from lfd_replay.report import write_report

@@ -6,9 +6,9 @@ from pathlib import Path
 from lfd_mpc.errors import UserError
 from lfd_replay.drive_bag import write_drive
 from lfd_replay.errors import run_command
-from lfd_replay.generate import generate_drive
-from lfd_replay.lead_profiles import NAMES, PEAKS
-from lfd_replay.sensor_models import SENSORS
+from lfd_replay.generated.generate import generate_drive
+from lfd_replay.generated.lead_profiles import NAMES, PEAKS
+from lfd_replay.generated.sensor_models import SENSORS
 
 
 def main_make(arguments: list[str]) -> int:

@@ -24,8 +24,8 @@ from lfd_mpc.errors import UserError
 from lfd_mpc.node_support import PIPELINE_QOS, declare_settings, run_node
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR
 from lfd_replay.adapter_settings import RadarAdapterSettings
-from lfd_replay.can_log import CanDrive, HostSignals
-from lfd_replay.recorded_messages import (
+from lfd_replay.recordings.can_log import CanDrive, HostSignals
+from lfd_replay.recordings.recorded_messages import (
     CAN_FRAME,
     ESR_STATUS_4,
     ESR_TRACK,

@@ -10,13 +10,13 @@ import numpy as np
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, Sample, ScalarSample
-from lfd_replay.can_log import SUFFIXES as CAN_SUFFIXES
-from lfd_replay.can_log import HostSignals, read_can_streams
-from lfd_replay.comma2k19 import is_segment, read_segment_streams
 from lfd_replay.drive import Drive, make_drive
 from lfd_replay.drive_bag import OPTIONS, Topics, read_bag_streams
 from lfd_replay.drive_csv import read_csv_streams
-from lfd_replay.recorded_messages import Mounting
+from lfd_replay.recordings.can_log import SUFFIXES as CAN_SUFFIXES
+from lfd_replay.recordings.can_log import HostSignals, read_can_streams
+from lfd_replay.recordings.comma2k19 import is_segment, read_segment_streams
+from lfd_replay.recordings.recorded_messages import Mounting
 
 BAG_SUFFIXES = (".mcap", ".db3", ".bag")
 

@@ -38,7 +38,7 @@ from lfd_replay.evaluation.journal import Journal, Task, run_tasks
 from lfd_replay.evaluation.normal_driving import IndexStatistics, index_statistics
 from lfd_replay.evaluation.trace import load_trace
 from lfd_replay.evaluation.variants import variants
-from lfd_replay.lead_profiles import NORMAL
+from lfd_replay.generated.lead_profiles import NORMAL
 from lfd_replay.profiles import GraphSettings
 
 FALSE_EVENTS_PER_HOUR = 1.0

@@ -12,7 +12,7 @@ from lfd_mpc.sampling import ACCELERATION, RADAR
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.fault_windows import PAPER
 from lfd_replay.faults import FaultInjector, parse_faults
-from lfd_replay.generate import generate_drive
+from lfd_replay.generated.generate import generate_drive
 from lfd_replay.import_drive import join_drive
 from lfd_replay.offline import GraphStep, OfflineGraph
 from lfd_replay.profiles import GraphSettings

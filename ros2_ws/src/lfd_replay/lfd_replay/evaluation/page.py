@@ -5,16 +5,11 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-from lfd_replay.evaluation import summary
-from lfd_replay.evaluation.campaign import Evaluation
-from lfd_replay.evaluation.cases import RECORDED, Case, added, combination_title, run_case
-from lfd_replay.evaluation.detectors import PUBLISHED
-from lfd_replay.faults import parse_faults
-from lfd_replay.figure_files import write_figure
-from lfd_replay.figure_page import cases_html, figure_html, table_html, write_page
-from lfd_replay.figures import Figure
-from lfd_replay.panels import RecordedStep, Recording
-from lfd_replay.paper_figures import (
+from lfd_replay.drawing.figure_files import write_figure
+from lfd_replay.drawing.figure_page import cases_html, figure_html, table_html, write_page
+from lfd_replay.drawing.figures import Figure
+from lfd_replay.drawing.panels import RecordedStep, Recording
+from lfd_replay.drawing.paper_figures import (
     case_figure,
     confusion_figure,
     detector_curves,
@@ -24,6 +19,11 @@ from lfd_replay.paper_figures import (
     mpc_figure,
     reconstruction_figure,
 )
+from lfd_replay.evaluation import summary
+from lfd_replay.evaluation.campaign import Evaluation
+from lfd_replay.evaluation.cases import RECORDED, Case, added, combination_title, run_case
+from lfd_replay.evaluation.detectors import PUBLISHED
+from lfd_replay.faults import parse_faults
 from lfd_replay.profiles import GraphSettings
 
 

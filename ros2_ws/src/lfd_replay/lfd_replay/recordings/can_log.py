@@ -13,8 +13,8 @@ from rich.progress import Progress
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, Sample, ScalarSample
-from lfd_replay.esr import EsrDecoder, Scan, select_lead
-from lfd_replay.lead_selection import LeadSelector
+from lfd_replay.recordings.esr import EsrDecoder, Scan, select_lead
+from lfd_replay.recordings.lead_selection import LeadSelector
 
 SUFFIXES = (".log", ".asc", ".blf")
 

@@ -15,7 +15,7 @@ from typing import Any
 import cantools
 
 from lfd_mpc.sampling import RadarSample
-from lfd_replay.lead_selection import LeadSelector, Track
+from lfd_replay.recordings.lead_selection import LeadSelector, Track
 
 FIRST_TRACK, TRACKS = 0x500, 64
 STATUS_4 = 0x4E3
@@ -45,7 +45,7 @@ FLAGS = {
 @cache
 def database() -> cantools.database.Database:
     """The project's own description of the frames."""
-    text = (files("lfd_replay") / "dbc" / "esr.dbc").read_text()
+    text = (files("lfd_replay.recordings") / "dbc" / "esr.dbc").read_text()
     database = cantools.database.load_string(text, "dbc")
     assert isinstance(database, cantools.database.Database)
     return database

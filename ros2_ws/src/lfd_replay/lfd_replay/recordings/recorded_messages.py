@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample, ScalarSample
-from lfd_replay.can_log import CanDrive, HostSignals
-from lfd_replay.esr import ScanAssembler, esr_track, select_lead
-from lfd_replay.lead_selection import LeadSelector, Track
+from lfd_replay.recordings.can_log import CanDrive, HostSignals
+from lfd_replay.recordings.esr import ScanAssembler, esr_track, select_lead
+from lfd_replay.recordings.lead_selection import LeadSelector, Track
 
 ESR_TRACK, ESR_STATUS_4 = "delphi_esr_msgs/msg/EsrTrack", "delphi_esr_msgs/msg/EsrStatus4"
 RADAR_TRACKS = "radar_msgs/msg/RadarTracks"

@@ -1,10 +1,10 @@
 """Generated drives: a lead profile, a human-like follower and the sensors of a car."""
 
 from lfd_mpc.errors import UserError
-from lfd_replay.car_following import Driver, Truth, simulate
 from lfd_replay.drive import Drive, make_drive
-from lfd_replay.lead_profiles import lead_profile
-from lfd_replay.sensor_models import SENSORS
+from lfd_replay.generated.car_following import Driver, Truth, simulate
+from lfd_replay.generated.lead_profiles import lead_profile
+from lfd_replay.generated.sensor_models import SENSORS
 
 
 def drive_truth(name: str, peak: float | None = None) -> Truth:

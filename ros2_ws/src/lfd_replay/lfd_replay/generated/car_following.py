@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_mpc.settings import STEP_S
-from lfd_replay.lead_profiles import Profile
+from lfd_replay.generated.lead_profiles import Profile
 
 Array = NDArray[np.float64]
 

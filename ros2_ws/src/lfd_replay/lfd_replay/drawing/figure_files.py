@@ -7,7 +7,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Canvas
 
-from lfd_replay.figures import (
+from lfd_replay.drawing.figures import (
     INJECTED,
     Bars,
     Figure,

@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
-from lfd_replay.figures import (
+from lfd_replay.drawing.figures import (
     INJECTED,
     Bars,
     Figure,

@@ -13,8 +13,7 @@ from lfd_mpc.horizon import Horizon
 from lfd_mpc.settings import STEP_S
 from lfd_observer.bank import BankState
 from lfd_observer.prediction_store import HorizonFollower
-from lfd_replay.faults import Fault, truth_windows
-from lfd_replay.figures import (
+from lfd_replay.drawing.figures import (
     COLOURS,
     DARK,
     FAULTY,
@@ -29,6 +28,7 @@ from lfd_replay.figures import (
     Panel,
     Spans,
 )
+from lfd_replay.faults import Fault, truth_windows
 from lfd_replay.score import intervals
 
 Array = NDArray[np.float64]

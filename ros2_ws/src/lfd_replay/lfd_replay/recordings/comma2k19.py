@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, Sample, ScalarSample
-from lfd_replay.lead_selection import LeadSelector, Track
-from lfd_replay.recorded_messages import Mounting
+from lfd_replay.recordings.lead_selection import LeadSelector, Track
+from lfd_replay.recordings.recorded_messages import Mounting
 
 Array = NDArray[np.float64]
 

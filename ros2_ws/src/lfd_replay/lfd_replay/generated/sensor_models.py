@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, lfilter, sosfilt
 
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample, ScalarSample
-from lfd_replay.car_following import Truth
+from lfd_replay.generated.car_following import Truth
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_mpc.prediction_model import build_prediction_model
 from lfd_mpc.settings import STEP_S, MpcSettings
-from lfd_replay.figures import (
+from lfd_replay.drawing.figures import (
     COLOURS,
     DARK,
     SERIES,
@@ -18,7 +18,7 @@ from lfd_replay.figures import (
     Panel,
     Points,
 )
-from lfd_replay.panels import (
+from lfd_replay.drawing.panels import (
     INDEXED,
     TIME,
     Recording,

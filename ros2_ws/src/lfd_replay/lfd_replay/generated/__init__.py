@@ -1,0 +1,1 @@
+"""Generated drives: leads, a follower, and the sensors of a car."""
