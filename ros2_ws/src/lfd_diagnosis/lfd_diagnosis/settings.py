@@ -1,5 +1,7 @@
 """Settings of the diagnosis."""
 
+from typing import Literal
+
 from pydantic import model_validator
 
 from lfd_mpc.settings import HorizonSettings, setting
@@ -60,6 +62,35 @@ class DiagnosisSettings(HorizonSettings, LeadMotion):
     confidence_max: int = setting(
         20, "steps", "ceiling of the confidence", "algorithm notes, section 5", ge=1, le=1000
     )
+
+    profile: Literal["paper", "robust"] = setting("paper", "1", "profile", "own choice")
+    gate_sigma: float = setting(4.0, "1", "gate", "own")
+    clearance_floor: float = setting(1.0, "m", "x", "own")
+    relative_velocity_floor: float = setting(0.8, "m/s", "x", "own")
+    jerk_density: float = setting(3.0, "m^2/s^5", "x", "own")
+    coasting_jerk_density: float = setting(0.3, "m^2/s^5", "x", "own")
+    scan_confidence_threshold: int = setting(4, "1", "x", "own")
+    scan_confidence_max: int = setting(8, "1", "x", "own")
+    learn_noise: bool = setting(True, "1", "x", "own")
+    same_car: bool = setting(True, "1", "x", "own")
+    check_roughness: bool = setting(True, "1", "x", "own")
+    check_repetition: bool = setting(True, "1", "x", "own")
+    check_drift: bool = setting(True, "1", "x", "own")
+    drift_window: float = setting(3.0, "s", "x", "own")
+    drift_limit: float = setting(1.1, "m", "x", "own")
+    latch: bool = setting(True, "1", "x", "own")
+    clear_time: float = setting(0.5, "s", "x", "own")
+    requalify_time: float = setting(5.0, "s", "x", "own")
+    use_host_speed: bool = setting(True, "1", "x", "own")
+    use_observers: bool = setting(True, "1", "x", "own")
+    host_speed_filter_time: float = setting(0.15, "s", "x", "own")
+    acceleration_step_limit: float = setting(1.0, "m/s^2", "x", "own")
+    acceleration_limit: float = setting(1.3, "m/s^2", "x", "own")
+    acceleration_sigma: float = setting(4.0, "1", "x", "own")
+    jerk_allowance: float = setting(0.12, "s", "x", "own")
+    bias_rate: float = setting(0.12, "m/s^3", "x", "own")
+    sharp_limit: float = setting(2.5, "m/s^2", "x", "own")
+    acceleration_confidence_threshold: int = setting(4, "steps", "x", "own")
 
     @model_validator(mode="after")
     def _check(self) -> "DiagnosisSettings":

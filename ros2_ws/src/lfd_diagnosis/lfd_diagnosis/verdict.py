@@ -16,6 +16,20 @@ class State(IntEnum):
     NO_TARGET = 5
 
 
+class Kind(IntEnum):
+    """Kinds of fault; the values are those of `lfd_msgs/SignalFault`."""
+
+    UNKNOWN = 0
+    OFFSET = 1
+    RAMP = 2
+    GAIN = 3
+    NOISE = 4
+    HOLD = 5
+    ZERO = 6
+    DROPOUT = 7
+    DELAY = 8
+
+
 SIGNALS = ("clearance", "relative_velocity", "radar", "acceleration")
 """Names of the verdicts in a report, in the order in which events are published."""
 
