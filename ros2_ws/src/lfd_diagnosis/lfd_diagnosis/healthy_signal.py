@@ -4,7 +4,7 @@ from collections import deque
 from math import inf, log, sqrt
 
 LEARNT = 400
-"""Samples over which noise is averaged once so many are known."""
+"""Samples over which noise is averaged once so many are known, where nothing else is stated."""
 
 PRIOR = 20
 """Samples that the parameter file's value counts for."""
@@ -22,8 +22,11 @@ STEPS = 0.6
 class LearntNoise:
     """Standard deviation of a signal's noise, from a first value on, within limits."""
 
-    def __init__(self, first: float, lowest: float, highest: float, learn: bool) -> None:
+    def __init__(
+        self, first: float, lowest: float, highest: float, learn: bool, memory: int = LEARNT
+    ) -> None:
         """All three in the signal's unit; without `learn` the first value stays."""
+        self._memory = memory
         self._variance = first * first
         self._range = lowest * lowest, highest * highest
         self._learn = learn
@@ -46,7 +49,7 @@ class LearntNoise:
             return
         spread = predicted_variance + self._variance
         excess = min(innovation * innovation, GIVE * GIVE * spread) - predicted_variance
-        share = 1.0 / min(self.count + PRIOR, LEARNT)
+        share = 1.0 / min(self.count + PRIOR, self._memory)
         lowest, highest = self._range
         self._variance += share * (excess - self._variance)
         self._variance = min(max(self._variance, lowest), highest)
@@ -83,6 +86,11 @@ class Roughness:
     def deviation(self) -> float:
         """Usual standard deviation of one sample, as if its noise were white."""
         return sqrt(self._usual / 6.0)
+
+    @property
+    def resolution(self) -> float:
+        """Smallest step seen between two samples; infinite before any was seen."""
+        return self._resolution
 
     def restart(self) -> None:
         """The next sample has nothing to do with those before."""
@@ -134,6 +142,11 @@ class Repetition:
             return float("inf")
         share = min(max(self._equal / self._samples, 0.01), 0.99)
         return max(self._least, 2 * self._longest + 2, log(self.chance) / log(share))
+
+    @property
+    def longest(self) -> int:
+        """The longest healthy run so far."""
+        return self._longest
 
     @property
     def frozen(self) -> bool:

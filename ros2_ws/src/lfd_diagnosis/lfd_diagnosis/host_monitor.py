@@ -104,8 +104,8 @@ class HostMonitor:
         self.speed = HostSpeed(settings)
         self.roughness = Roughness(64, 5.0, 0.4)
         self.repetition = Repetition(8)
-        self.noise = LearntNoise(0.15, 0.03, 1.0, settings.learn_noise)
-        self.slow_noise = LearntNoise(0.2, 0.05, 1.0, settings.learn_noise)
+        self.noise = LearntNoise(0.15, 0.03, 1.0, settings.learn_noise, memory=2000)
+        self.slow_noise = LearntNoise(0.2, 0.05, 1.0, settings.learn_noise, memory=2000)
         self._share = share_of(settings.host_speed_filter_time)
         self._jerk_share = share_of(JERK_FILTER)
         self._base_share = share_of(BASELINE)
@@ -132,6 +132,7 @@ class HostMonitor:
         self._recent: deque[float] = deque(maxlen=BASELINE_DELAY)
         self._burst = 0.0
         self._samples: deque[float] = deque(maxlen=2 * SHARP + SHARP_GAP)
+        self._calm: deque[float] = deque(maxlen=8)
         self._lead = nan
         self._lead_recent: deque[float] = deque(maxlen=BASELINE_DELAY)
         self._sharp_for = 0
@@ -173,7 +174,8 @@ class HostMonitor:
         if self.with_speed:
             self.acceleration = self.derivative
         elif not horizon.acceleration_stale and not self.faulty:
-            self.acceleration = self._filtered - self.bias
+            if not self._sharp_for:
+                self.acceleration = self._calm[0] if len(self._calm) else self._filtered
         else:
             self.acceleration *= exp(-STEP_S / LEAD_MEMORY)
 
@@ -203,6 +205,7 @@ class HostMonitor:
             self.repetition.take(value, healthy)
             self.last_at = at
         self._samples.append(value)
+        self._calm.append(self._filtered - self.bias)
         self.steps += 1
 
     def judge(self, horizon: Horizon, relative_acceleration: float) -> None:
@@ -219,10 +222,8 @@ class HostMonitor:
         else:
             self._baseline = nan
             self._recent.clear()
-            if settings.use_observers and isfinite(relative_acceleration):
+            if settings.use_observers:
                 exceeded = self._judge_sharp()
-            else:
-                self.residual = self.limit = nan
         if exceeded is not None:
             if exceeded:
                 if self.confidence == 0:
@@ -289,7 +290,8 @@ class HostMonitor:
         if self.faulty and not isnan(self._reference):
             self.residual = off - self._reference
             self._size += 3.0 * STEP_S * (self.residual - self._size)
-            self.limit = max(0.5 * abs(self._size), 0.6)
+            least = 0.6 if self.kind is Kind.OFFSET else settings.acceleration_limit
+            self.limit = max(0.5 * abs(self._size), least)
             self._follow_baseline(off)
             step = (off - self._baseline) * (1.0 if self._size > 0 else -1.0)
             self._back_for = self._back_for + 1 if step < -0.65 * abs(self._size) else 0
@@ -332,11 +334,13 @@ class HostMonitor:
             rate = max(-settings.bias_rate, min(settings.bias_rate, wanted))
             self.bias += STEP_S * rate
         if self._tick % 10 == 0:
-            self.noise.take(step, 0.0)
-            self.slow_noise.take(slow, 0.0)
+            if abs(step) < 0.6 * step_limit:
+                self.noise.take(step, 0.0)
+            if abs(slow) < 0.6 * slow_limit:
+                self.slow_noise.take(slow, 0.0)
             moved = self._filtered - self.derivative - self._baseline
-            self._lag_xy += (jerk * moved - 0.001 * self._lag_xy)
-            self._lag_xx += (jerk * jerk - 0.001 * (self._lag_xx - 40.0))
+            self._lag_xy += jerk * moved - 0.001 * self._lag_xy
+            self._lag_xx += jerk * jerk - 0.001 * (self._lag_xx - 40.0)
         return False
 
     def _follow_baseline(self, off: float) -> None:
@@ -350,9 +354,19 @@ class HostMonitor:
     def _judge_lead(self, relative_acceleration: float) -> None:
         """The lead's acceleration as accelerometer and observers make it."""
         if isnan(relative_acceleration):
-            self._lead = nan
-            self._lead_recent.clear()
-            return
+            # Without the radar the lead is taken to keep its acceleration for a while.
+            if not self._lead_recent:
+                self._lead = nan
+                return
+            self._radar_gone += STEP_S
+            relative_acceleration = self._relative_before
+            if self._radar_gone > 0.3:
+                self._lead = nan
+                return
+        else:
+            self._radar_gone = 0.0
+            if not self._sharp_for:
+                self._relative_before = relative_acceleration
         self._lead = self._filtered + relative_acceleration
         if not self.confidence:
             self._lead_recent.append(self._lead)
@@ -366,6 +380,8 @@ class HostMonitor:
                 return False
             mean = settings.lead_acceleration_mean
             self._lead_reference += STEP_S / LEAD_MEMORY * (mean - self._lead_reference)
+            if isnan(self._lead):
+                return True
             self.residual = self._lead - self._lead_reference
             self.limit = settings.sharp_limit
             self.evidence = self._say("observers")
@@ -393,6 +409,8 @@ class HostMonitor:
         return f"{what}: off by {self.residual:.2f} m/s^2 (limit {self.limit:.2f})"
 
     _how = Kind.UNKNOWN
+    _radar_gone = 0.0
+    _relative_before = 0.0
     _size = 0.0
     _back_for = 0
     _settling = False

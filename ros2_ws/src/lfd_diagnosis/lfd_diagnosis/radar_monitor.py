@@ -3,6 +3,7 @@
 from collections import deque
 from dataclasses import dataclass, field
 from math import exp, inf, isfinite, nan, sqrt
+from statistics import median
 
 import numpy as np
 
@@ -22,6 +23,15 @@ READY_SCANS = 3
 
 BAD, GOOD = 2, 1
 """How much one disagreeing scan adds to the confidence, and one agreeing scan takes away."""
+
+STEP_SEARCH = 0.3
+"""Seconds around the onset of a contradiction in which a step of the velocity is looked for."""
+
+DOUBT = 0.75
+"""Ratio of two explanations' errors above which neither is clearly better."""
+
+HELD_SCANS, HELD_PATH = 6, 0.3
+"""Equal scans of the clearance, and m that the relative velocity says were travelled meanwhile."""
 
 LEARNING = 40.0
 """Scans over which limits come down from thrice to once their width while noise is learnt."""
@@ -59,6 +69,10 @@ class RadarSignal:
     residual: float = nan
     limit: float = nan
     before: float = 0.0
+    mean: float = 0.0
+    returning: bool = False
+    recent: deque[float] = field(default_factory=lambda: deque(maxlen=5))
+    history: deque[tuple[float, float]] = field(default_factory=deque)
     tellable: bool = True
     outliers: int = 0
     onset: float = nan
@@ -117,7 +131,7 @@ class RadarMonitor:
             "relative velocity", "m/s", settings.relative_velocity_floor, r2, 0.015
         )
         self.signals = (self.clearance, self.velocity)
-        self._drift_noise = LearntNoise(0.15, 0.02, 2.0, learn)
+        self._drift_noise = LearntNoise(0.15, 0.02, 2.0, learn, memory=2000)
         self._coast_keep = exp(-STEP_S / CORRELATION)
         self.track: LeadTrack | None = None
         self.scans = 0
@@ -132,8 +146,9 @@ class RadarMonitor:
         self._remembered: dict[int, tuple[float, LeadTrack]] = {}
         self._slow_acceleration = self._settings.lead_acceleration_mean
         self._host = 0.0
-        self._path: deque[tuple[float, float]] = deque()
+        self._path: deque[tuple[float, float, float]] = deque()
         self._path_end = -inf, nan, nan
+        self._held_path = 0.0
         self._scan_at = -inf
         for signal in self.signals:
             signal.last, signal.last_at = nan, -inf
@@ -357,6 +372,7 @@ class RadarMonitor:
                 signal.roughness.take(measured, healthy)
                 self._count(signal, at)
                 if signal.faulty:
+                    self._classify(signal)
                     self._requalify(signal, measured, at)
         clearance, velocity = self.signals
         if self.velocity.faulty and not was_faulty[1]:
@@ -374,7 +390,8 @@ class RadarMonitor:
         if fresh[1][0] and not velocity.faulty and not velocity.bad:
             residual = fresh[1][2] - (track.velocity - age * (track.acceleration - self._host))
             track.correct_velocity(residual, velocity.noise.variance)
-        if all_good and all(new for new, *_ in fresh):
+        followed = not clearance.bad or self._gradual
+        if all(new for new, *_ in fresh) and followed and not velocity.bad and not self.faulty:
             self._follow_path(at, fresh[0][2], fresh[1][2])
 
     def _count(self, signal: RadarSignal, at: float) -> None:
@@ -395,10 +412,7 @@ class RadarMonitor:
         if signal.faulty or not self.ready:
             return
         if signal.confidence >= settings.scan_confidence_threshold:
-            gradual = signal.before * signal.residual > 0 and abs(signal.before) > GRADUAL * abs(
-                signal.limit
-            )
-            if signal is self.clearance and gradual and settings.check_drift and len(self._path) > 9:
+            if signal is self.clearance and self._gradual and len(self._path) > 9:
                 self._blame_drift(signal.residual, signal.limit, at)
                 return
             self._convict(signal, Kind.OFFSET, "prediction residual", at)
@@ -409,14 +423,44 @@ class RadarMonitor:
             self._convict(signal, kind, f"the same value {signal.repetition.run + 1} times", at)
 
     def _frozen(self, signal: RadarSignal) -> bool:
+        if signal is self.clearance:
+            moved = max(
+                HELD_PATH, 4.0 * signal.noise.deviation, 1.5 * signal.roughness.resolution
+            )
+            run = signal.repetition.run
+            if run >= max(HELD_SCANS, signal.repetition.longest + 1):
+                return abs(self._held_path) > moved
         return signal.repetition.frozen and self.moving
 
     moving = True
+
+    def _classify(self, signal: RadarSignal) -> None:
+        """A jump may turn out to be something else."""
+        if signal.kind in (Kind.OFFSET, Kind.RAMP):
+            if signal.last == 0.0 and signal.repetition.run >= 3:
+                signal.kind = Kind.ZERO
+            elif signal.repetition.run >= HELD_SCANS and signal.repetition.frozen:
+                signal.kind = Kind.HOLD
+            elif signal.roughness.rough and signal.kind is Kind.OFFSET:
+                signal.kind = Kind.NOISE
+
+    @property
+    def _gradual(self) -> bool:
+        """Whether the clearance went out of its limits little by little."""
+        signal = self.clearance
+        return (
+            self._settings.check_drift
+            and signal.before * signal.residual > 0
+            and abs(signal.before) > GRADUAL * signal.limit
+        )
 
     def _convict(self, signal: RadarSignal, kind: Kind, because: str, at: float) -> None:
         signal.faulty, signal.kind, signal.because = True, kind, because
         signal.confidence = self._settings.scan_confidence_max
         signal.agreeing, signal.came_back, signal.coasted = 0.0, False, 0.0
+        signal.mean, signal.returning = signal.residual, False
+        signal.history.clear()
+        signal.recent.clear()
         self._path.clear()
 
     def _requalify(self, signal: RadarSignal, measured: float, at: float) -> None:
@@ -429,15 +473,22 @@ class RadarMonitor:
         if signal is self.clearance and self.track is not None:
             step -= self.track.velocity * period
         jumped = abs(step) > max(0.8 * signal.floor, 0.4 * size)
-        if signal.kind is Kind.OFFSET and signal.bad and self.lost_since is None:
-            first = [r for _, r in signal.residuals[:10]]
-            offset = sum(first) / len(first)
-            if abs(step + offset) < max(0.3 * abs(offset), 0.5 * signal.floor):
-                self._rebase(signal, measured)
+        if signal.kind is Kind.OFFSET and self.lost_since is None:
+            self._look_for_return(signal, measured)
         symptom = signal.roughness.rough or (
             signal.repetition.frozen and signal.kind in (Kind.HOLD, Kind.ZERO)
         )
-        if signal.bad or symptom:
+        if signal.kind is Kind.RAMP and self._has_stopped(signal, at):
+            self._rebase(signal, measured)
+            signal.forget_fault()
+            return
+        bound = signal.limit
+        if signal.kind in (Kind.OFFSET, Kind.RAMP):
+            # What is known to be off by so much has not come back while it is off by half of it.
+            bound = min(bound, max(0.5 * abs(signal.mean), 3.0 * self._deviation(signal)))
+        if signal.bad or symptom or abs(signal.residual) > bound:
+            if signal.bad or abs(signal.residual) > bound:
+                signal.mean += min(period / 0.3, 1.0) * (signal.residual - signal.mean)
             signal.agreeing, signal.came_back = 0.0, False
             if self.lost_since is not None:
                 self.lost_since = at
@@ -448,12 +499,50 @@ class RadarMonitor:
         if self.lost_since is not None:
             if at - self.lost_since >= settings.requalify_time:
                 signal.forget_fault()
-        elif signal.agreeing >= settings.clear_time and (
+        elif signal.agreeing >= settings.clear_time * (1.6 if signal.kind is Kind.NOISE else 1.0) and (
             signal.tellable or signal.came_back or not settings.latch
         ):
             signal.forget_fault()
         if not self.faulty:
             self.lost_since = None
+
+    def _look_for_return(self, signal: RadarSignal, measured: float) -> None:
+        """A jump as large as the one that made the fault, and back, ends it.
+
+        Also where the reference has become too uncertain, or wrong, to say so. One scan alone may
+        be an outlier: the next one must not undo it.
+        """
+        first = [residual for _, residual in signal.residuals[:10]]
+        offset = sum(first) / len(first)
+        tolerance = max(0.3 * abs(offset), 0.5 * signal.floor, 4.0 * signal.noise.deviation)
+        back = len(signal.recent) == signal.recent.maxlen and (
+            abs(signal.residual - median(signal.recent) + offset) < tolerance < abs(offset)
+        )
+        if not back:
+            signal.recent.append(signal.residual)
+        elif signal.returning:
+            self._rebase(signal, measured)
+            signal.recent.clear()
+            signal.came_back, signal.agreeing = True, 0.0
+        signal.returning = back
+
+    def _has_stopped(self, signal: RadarSignal, at: float) -> bool:
+        """Whether a drift has not gone on for so long that nothing contradicts anything now."""
+        history = signal.history
+        history.append((at, signal.residual))
+        while history[-1][0] - history[0][0] > self._settings.requalify_time:
+            history.popleft()
+        values = [value for _, value in history]
+        return (
+            history[-1][0] - history[0][0] > 0.9 * self._settings.requalify_time
+            and max(values) - min(values) < 0.6 * signal.floor + 4.0 * signal.noise.deviation
+        )
+
+    def _deviation(self, signal: RadarSignal) -> float:
+        """Standard deviation of what the track says of a signal, its noise included."""
+        assert self.track is not None
+        variance = self.track.cc if signal is self.clearance else self.track.vv
+        return sqrt(variance + signal.noise.variance)
 
     def _rebase(self, signal: RadarSignal, measured: float) -> None:
         """The jump that made a fault was undone: the signal is the reference again."""
@@ -473,17 +562,22 @@ class RadarMonitor:
         self._path_end = at, clearance, velocity
         if not path or at - then > 0.5:
             path.clear()
-            path.append((at, 0.0))
+            path.append((at, 0.0, 0.0))
             return
         travelled = 0.5 * (velocity + last_velocity) * (at - then)
-        path.append((at, path[-1][1] + clearance - last_clearance - travelled))
+        off = path[-1][1] + clearance - last_clearance - travelled
+        path.append((at, off, self.velocity.residual))
+        if clearance == last_clearance:
+            self._held_path += travelled
+        else:
+            self._held_path = 0.0
         while path[-1][0] - path[0][0] > settings.drift_window + 1.0:
             path.popleft()
         if path[-1][0] - path[0][0] < 1.0:
             return
         recent, old, n, m = 0.0, 0.0, 0, 0
         start = path[-1][0] - settings.drift_window
-        for t, off in path:
+        for t, off, _ in path:
             if t > at - 0.25:
                 recent, n = recent + off, n + 1
             elif t >= start and t <= max(start, path[0][0]) + 0.25:
@@ -493,7 +587,8 @@ class RadarMonitor:
         drift = recent / n - old / m
         limit = self._widening() * max(settings.drift_limit, 5.0 * self._drift_noise.deviation)
         if abs(drift) <= limit:
-            self._drift_noise.take(drift, 0.0)
+            if abs(drift) <= 0.6 * limit:
+                self._drift_noise.take(drift, 0.0)
         elif settings.check_drift:
             self._blame_drift(drift, limit, at)
 
@@ -516,20 +611,35 @@ class RadarMonitor:
                 wrong = float(np.sum((design @ solution - off) ** 2))
                 if power not in best or wrong < best[power][0]:
                     best[power] = wrong, onset, solution
-        power = 1 if best[1][0] <= best[2][0] else 2
+        held = self.clearance.repetition
+        if held.run >= max(HELD_SCANS, held.longest + 1):
+            power = 1
+        else:
+            power = 1 if best[1][0] <= best[2][0] else 2
+            doubt = best[power][0] > DOUBT * best[3 - power][0]
+            if doubt and abs(drift) < 1.6 * limit:
+                return
+        kind = Kind.HOLD if power == 1 and held.run >= HELD_SCANS else Kind.RAMP
         _, onset, (base, slope) = best[power]
         reason = f"clearance left the path of the relative velocity by {drift:.2f} m"
         clearance, velocity = self._path_end[1:]
+        if power == 1 and kind is not Kind.HOLD:
+            # A step of the relative velocity, too small for its limits, leaves a straight line, too.
+            near = np.abs(times - onset) <= STEP_SEARCH
+            if np.any(points[near, 2] * -np.sign(slope) > 0.6 * abs(slope)):
+                power, kind = 0, Kind.OFFSET
         if power == 1:
             error = float(off[-1] - base)
             signal = self.clearance
             track.clearance, track.cc, track.cv, track.ca = clearance - error, 0.05, 0.0, 0.0
         else:
-            error = float(2.0 * slope * onset)
+            error = float(2.0 * slope * onset) if power else float(-slope)
             signal = self.velocity
             track.clearance, track.cc, track.cv, track.ca = clearance, 0.05, 0.0, 0.0
             track.velocity, track.vv, track.va = velocity - error, 0.09, 0.0
             track.believe(self._slow_acceleration, 0.6)
+            self.clearance.confidence, self.clearance.residual = 0, 0.0
+            self.clearance.residuals = []
         signal.residual, signal.onset = error, at + onset
         signal.residuals = [(at, error)]
-        self._convict(signal, Kind.RAMP, reason, at)
+        self._convict(signal, kind, reason, at)

@@ -88,7 +88,7 @@ class DiagnosisSettings(HorizonSettings, LeadMotion):
     acceleration_limit: float = setting(1.3, "m/s^2", "x", "own")
     acceleration_sigma: float = setting(4.0, "1", "x", "own")
     jerk_allowance: float = setting(0.12, "s", "x", "own")
-    bias_rate: float = setting(0.12, "m/s^3", "x", "own")
+    bias_rate: float = setting(0.08, "m/s^3", "x", "own")
     sharp_limit: float = setting(2.5, "m/s^2", "x", "own")
     acceleration_confidence_threshold: int = setting(4, "steps", "x", "own")
 
