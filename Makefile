@@ -3,7 +3,7 @@ PYTHON ?= python3
 DRIVE ?=
 FAULT ?=
 RATE ?= 1.0
-PROFILE ?= paper
+PROFILE ?= robust
 
 FULL ?=
 RECORDED ?= ../shared/data

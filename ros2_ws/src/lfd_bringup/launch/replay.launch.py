@@ -22,7 +22,7 @@ ARGUMENTS = {
     "drive": (None, "path of a drive: CSV file or bag"),
     "fault": ("", "fault texts, several separated by ;"),
     "rate": ("1.0", "x real time; 0 = lockstep"),
-    "profile": ("paper", "parameter profile"),
+    "profile": ("robust", "parameter profile: robust or paper"),
 }
 
 

@@ -30,7 +30,7 @@ from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.generated.generate import generate_drive
 from lfd_replay.paths import share_folder
 from lfd_replay.player import GRAPH_NODES, LockstepError, PlayerNode, samples_to_play
-from lfd_replay.profiles import PROFILES
+from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES
 from lfd_replay.read_drive import read_drive, read_options
 from lfd_replay.report import write_report
 from lfd_replay.score import score, timeline
@@ -82,7 +82,7 @@ def main_replay(arguments: list[str]) -> int:
     add_drive_options(parser)
     parser.add_argument(
         "--profile",
-        default=PROFILES[0],
+        default=DEFAULT_PROFILE,
         help=f"one of: {', '.join(PROFILES)} (default: %(default)s)",
     )
     parser.add_argument("--out", type=Path, default=Path("out/replay"), metavar="FOLDER")

@@ -10,7 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import Trigger
 
-from lfd_diagnosis.diagnosis import Diagnosis
+from lfd_diagnosis.diagnosis import make_diagnosis
 from lfd_diagnosis.pairing import Pair, Pairing
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.silence import SilenceWatch
@@ -40,7 +40,7 @@ class DiagnosisNode(Node):
     def __init__(self, context: Context | None = None, **node_options) -> None:
         """Raises UserError for parameters that cannot work."""
         super().__init__("diagnosis_node", context=context, **node_options)
-        self._core = Diagnosis(declare_settings(self, DiagnosisSettings))
+        self._core = make_diagnosis(declare_settings(self, DiagnosisSettings))
         self._pairing = Pairing()
         self._faults = self.create_publisher(FaultReport, "diagnosis/faults", PIPELINE_QOS)
         self._events = self.create_publisher(FaultEvent, "diagnosis/events", EVENT_QOS)

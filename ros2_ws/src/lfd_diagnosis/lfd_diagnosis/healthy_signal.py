@@ -61,12 +61,13 @@ class Roughness:
     Second differences: smooth motion, however fast, hardly has any.
     """
 
-    def __init__(self, window: int, ratio: float, share: float) -> None:
-        """Rough: of `window` samples at least `share` exceed `ratio` usual deviations."""
+    ratio, needed = 5.0, 0.4
+    """Rough: so many usual deviations are exceeded by such a share of the last samples."""
+
+    def __init__(self, window: int) -> None:
+        """`window`: how many samples the share is taken of."""
         self._recent: deque[bool] = deque([False] * window, maxlen=window)
-        self._needed = share * window
         self._count = 0
-        self._ratio = ratio
         self._before: tuple[float, ...] = ()
         self._usual = 0.0
         self._resolution = inf
@@ -75,7 +76,7 @@ class Roughness:
     @property
     def rough(self) -> bool:
         """Whether it is so now."""
-        return self._count >= self._needed
+        return self._count >= self.needed * len(self._recent)
 
     @property
     def share(self) -> float:
@@ -109,7 +110,7 @@ class Roughness:
         square = second * second
         known = self._known >= 3 * len(self._recent)
         usual = max(self._usual, (STEPS * self._resolution) ** 2)
-        exceeds = known and square > self._ratio * self._ratio * usual
+        exceeds = known and square > self.ratio * self.ratio * usual
         self._count += exceeds - self._recent[0]
         self._recent.append(exceeds)
         if healthy:

@@ -7,7 +7,6 @@ accelerometer's fault is not blamed on the radar.
 """
 
 from dataclasses import dataclass
-from math import sqrt
 
 
 @dataclass
@@ -97,12 +96,19 @@ class LeadTrack:
         self.ca = self.va = 0.0
         self.aa = deviation * deviation
 
-    @property
-    def clearance_std(self) -> float:
-        """Standard deviation of the clearance in m."""
-        return sqrt(max(self.cc, 0.0))
+    def set_clearance(self, clearance: float, variance: float) -> None:
+        """Start the clearance anew, in m and m^2."""
+        self.clearance, self.cc, self.cv, self.ca = clearance, variance, 0.0, 0.0
 
-    @property
-    def velocity_std(self) -> float:
-        """Standard deviation of the relative velocity in m/s."""
-        return sqrt(max(self.vv, 0.0))
+    def set_velocity(self, velocity: float, variance: float) -> None:
+        """Start the relative velocity anew, in m/s and m^2/s^2."""
+        self.velocity, self.vv, self.cv, self.va = velocity, variance, 0.0, 0.0
+
+    def inform(self, acceleration: float, deviation: float) -> None:
+        """The lead itself says its acceleration in m/s^2; it may be off for good."""
+        self.acceleration = acceleration
+        self.aa = deviation * deviation
+
+    def variance(self, velocity: bool) -> float:
+        """Variance of the relative velocity (m^2/s^2), or of the clearance (m^2)."""
+        return self.vv if velocity else self.cc

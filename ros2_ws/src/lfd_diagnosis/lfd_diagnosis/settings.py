@@ -4,12 +4,209 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from lfd_mpc.settings import HorizonSettings, setting
+from lfd_mpc.settings import HorizonSettings, Settings, setting
 from lfd_observer.settings import LeadMotion
 
+ROBUST = "own choice, docs/robust.md"
+"""Where the robust profile's figures come from."""
 
-class DiagnosisSettings(HorizonSettings, LeadMotion):
-    """Settings of fault indices, confidence and decision, eqs 25 and 26."""
+
+class RadarChecks(Settings):
+    """The robust profile's settings for clearance and relative velocity."""
+
+    gate_sigma: float = setting(
+        4.0,
+        "1",
+        "standard deviations of a prediction residual beyond which a scan disagrees",
+        ROBUST,
+        gt=0.0,
+        le=20.0,
+    )
+    clearance_floor: float = setting(
+        1.0, "m", "least limit of the clearance's prediction residual", ROBUST, gt=0.0, le=20.0
+    )
+    relative_velocity_floor: float = setting(
+        0.8,
+        "m/s",
+        "least limit of the relative velocity's prediction residual",
+        ROBUST,
+        gt=0.0,
+        le=20.0,
+    )
+    jerk_density: float = setting(
+        3.0,
+        "m^2/s^5",
+        "how fast the lead's acceleration may change: density of its random jerk",
+        ROBUST,
+        gt=0.0,
+        le=1000.0,
+    )
+    coasting_jerk_density: float = setting(
+        0.3,
+        "m^2/s^5",
+        "the same while the relative velocity is not believed and the track coasts",
+        ROBUST,
+        gt=0.0,
+        le=1000.0,
+    )
+    scan_confidence_threshold: int = setting(
+        4,
+        "1",
+        "confidence at or above which a radar signal is faulty; a disagreeing scan adds 2",
+        ROBUST,
+        ge=1,
+        le=100,
+    )
+    scan_confidence_max: int = setting(
+        8, "1", "ceiling of the radar signals' confidence", ROBUST, ge=1, le=100
+    )
+    same_car: bool = setting(
+        True,
+        "1",
+        "a new track id whose target agrees with the prediction is the same car",
+        ROBUST,
+    )
+    check_drift: bool = setting(
+        True,
+        "1",
+        "hold the clearance against the path that the relative velocity makes",
+        ROBUST,
+    )
+    drift_window: float = setting(
+        3.0, "s", "time over which that path is compared", ROBUST, ge=0.5, le=30.0
+    )
+    drift_limit: float = setting(
+        1.1, "m", "least limit of the difference over that time", ROBUST, gt=0.0, le=20.0
+    )
+
+
+class AccelerationChecks(Settings):
+    """The robust profile's settings for the acceleration."""
+
+    use_host_speed: bool = setting(
+        True, "1", "hold the acceleration against the host speed's derivative", ROBUST
+    )
+    host_speed_filter_time: float = setting(
+        0.15,
+        "s",
+        "time constant of the filter that both go through",
+        ROBUST,
+        ge=0.02,
+        le=2.0,
+    )
+    acceleration_step_limit: float = setting(
+        1.0,
+        "m/s^2",
+        "least limit of their difference against what it was a moment ago",
+        ROBUST,
+        gt=0.0,
+        le=20.0,
+    )
+    acceleration_limit: float = setting(
+        1.3,
+        "m/s^2",
+        "least limit of their difference against its slow mean (gravity on a slope)",
+        ROBUST,
+        gt=0.0,
+        le=20.0,
+    )
+    acceleration_sigma: float = setting(
+        4.0, "1", "the same limits in learnt standard deviations", ROBUST, gt=0.0, le=20.0
+    )
+    acceleration_steps: int = setting(
+        4,
+        "steps",
+        "confidence at or above which the acceleration is faulty",
+        ROBUST,
+        ge=1,
+        le=1000,
+    )
+    jerk_allowance: float = setting(
+        0.12,
+        "s",
+        "how much the two may lag behind each other beyond the lag that was learnt",
+        ROBUST,
+        ge=0.0,
+        le=1.0,
+    )
+    slope_rate: float = setting(
+        0.08,
+        "m/s^3",
+        "how fast the slow mean may change: a road that becomes steeper",
+        ROBUST,
+        ge=0.0,
+        le=10.0,
+    )
+    use_observers: bool = setting(
+        True,
+        "1",
+        "without host speed: a jump of the acceleration that the observers do not see is a fault",
+        ROBUST,
+    )
+    jump_limit: float = setting(
+        2.5,
+        "m/s^2",
+        "change of the acceleration within 0.1 s that no car makes",
+        ROBUST,
+        gt=0.0,
+        le=20.0,
+    )
+    use_lead_report: bool = setting(
+        True, "1", "take what the lead says of its acceleration (V2V) as evidence", ROBUST
+    )
+    lead_report_delay: float = setting(
+        0.1, "s", "age of what the lead says when it is stamped", ROBUST, ge=0.0, le=1.0
+    )
+    lead_report_std: float = setting(
+        0.2, "m/s^2", "standard deviation of what the lead says", ROBUST, gt=0.0, le=5.0
+    )
+    lead_report_timeout: float = setting(
+        0.5, "s", "age at which what the lead says is no longer used", ROBUST, gt=0.0, le=5.0
+    )
+
+
+class FaultHandling(Settings):
+    """The robust profile's settings for all signals."""
+
+    profile: Literal["robust", "paper"] = setting(
+        "robust", "1", "robust, or paper: as published", "algorithm notes, section 7"
+    )
+    learn_noise: bool = setting(
+        True, "1", "learn each sensor's noise and lag while it is healthy", ROBUST
+    )
+    check_roughness: bool = setting(
+        True, "1", "a signal that is far rougher than it was is faulty", ROBUST
+    )
+    check_repetition: bool = setting(
+        True, "1", "a signal that repeats itself longer than it ever did is faulty", ROBUST
+    )
+    latch: bool = setting(
+        True,
+        "1",
+        "agreement with a reference too uncertain to tell does not clear a radar fault",
+        ROBUST,
+    )
+    clear_time: float = setting(
+        0.5, "s", "agreement after which a fault is over", ROBUST, gt=0.0, le=60.0
+    )
+    requalify_time: float = setting(
+        5.0,
+        "s",
+        "agreement of a new target, or of host speed or V2V, after which it is believed again",
+        "algorithm notes, section 7",
+        gt=0.0,
+        le=600.0,
+    )
+
+
+class DiagnosisSettings(
+    HorizonSettings, LeadMotion, RadarChecks, AccelerationChecks, FaultHandling
+):
+    """Settings of the diagnosis.
+
+    Its own fields are the paper's (eqs 25 and 26); the robust profile takes the deviations r1 and
+    r2 for a start and learns them.
+    """
 
     clearance_std: float = setting(
         0.15,
@@ -63,40 +260,16 @@ class DiagnosisSettings(HorizonSettings, LeadMotion):
         20, "steps", "ceiling of the confidence", "algorithm notes, section 5", ge=1, le=1000
     )
 
-    profile: Literal["paper", "robust"] = setting("paper", "1", "profile", "own choice")
-    gate_sigma: float = setting(4.0, "1", "gate", "own")
-    clearance_floor: float = setting(1.0, "m", "x", "own")
-    relative_velocity_floor: float = setting(0.8, "m/s", "x", "own")
-    jerk_density: float = setting(3.0, "m^2/s^5", "x", "own")
-    coasting_jerk_density: float = setting(0.3, "m^2/s^5", "x", "own")
-    scan_confidence_threshold: int = setting(4, "1", "x", "own")
-    scan_confidence_max: int = setting(8, "1", "x", "own")
-    learn_noise: bool = setting(True, "1", "x", "own")
-    same_car: bool = setting(True, "1", "x", "own")
-    check_roughness: bool = setting(True, "1", "x", "own")
-    check_repetition: bool = setting(True, "1", "x", "own")
-    check_drift: bool = setting(True, "1", "x", "own")
-    drift_window: float = setting(3.0, "s", "x", "own")
-    drift_limit: float = setting(1.1, "m", "x", "own")
-    latch: bool = setting(True, "1", "x", "own")
-    clear_time: float = setting(0.5, "s", "x", "own")
-    requalify_time: float = setting(5.0, "s", "x", "own")
-    use_host_speed: bool = setting(True, "1", "x", "own")
-    use_observers: bool = setting(True, "1", "x", "own")
-    host_speed_filter_time: float = setting(0.15, "s", "x", "own")
-    acceleration_step_limit: float = setting(1.0, "m/s^2", "x", "own")
-    acceleration_limit: float = setting(1.3, "m/s^2", "x", "own")
-    acceleration_sigma: float = setting(4.0, "1", "x", "own")
-    jerk_allowance: float = setting(0.12, "s", "x", "own")
-    bias_rate: float = setting(0.08, "m/s^3", "x", "own")
-    sharp_limit: float = setting(2.5, "m/s^2", "x", "own")
-    acceleration_confidence_threshold: int = setting(4, "steps", "x", "own")
-
     @model_validator(mode="after")
     def _check(self) -> "DiagnosisSettings":
         if self.confidence_max < self.confidence_threshold:
             raise ValueError(
                 f"confidence_max ({self.confidence_max}) must not be below "
                 f"confidence_threshold ({self.confidence_threshold})"
+            )
+        if self.scan_confidence_max < self.scan_confidence_threshold:
+            raise ValueError(
+                f"scan_confidence_max ({self.scan_confidence_max}) must not be below "
+                f"scan_confidence_threshold ({self.scan_confidence_threshold})"
             )
         return self

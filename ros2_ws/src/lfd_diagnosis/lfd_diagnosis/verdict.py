@@ -22,16 +22,20 @@ class Kind(IntEnum):
     UNKNOWN = 0
     OFFSET = 1
     RAMP = 2
-    GAIN = 3
-    NOISE = 4
-    HOLD = 5
-    ZERO = 6
-    DROPOUT = 7
-    DELAY = 8
+    NOISE = 3
+    HOLD = 4
+    ZERO = 5
+    DROPOUT = 6
 
 
 SIGNALS = ("clearance", "relative_velocity", "radar", "acceleration")
-"""Names of the verdicts in a report, in the order in which events are published."""
+"""The sensors under diagnosis: names of their verdicts in a report."""
+
+EVIDENCE = ("host_speed", "lead_acceleration")
+"""What else is judged, because it serves as evidence."""
+
+JUDGED = (*SIGNALS, *EVIDENCE)
+"""All verdicts in a report, in the order in which events are published."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ class SignalVerdict:
     confidence_threshold: int
     since: int
     reason: str
-    kind: int = 0
+    kind: Kind = Kind.UNKNOWN
     size: float = nan
     size_std: float = nan
 
@@ -60,6 +64,8 @@ class Report:
     relative_velocity: SignalVerdict
     radar: SignalVerdict
     acceleration: SignalVerdict
+    host_speed: SignalVerdict
+    lead_acceleration: SignalVerdict
 
 
 @dataclass(frozen=True)
@@ -91,3 +97,12 @@ class Reconstruction:
     acceleration: float
     acceleration_std: float
     reason: str
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Everything that the diagnosis says after one step."""
+
+    report: Report
+    events: list[Event]
+    reconstruction: Reconstruction

@@ -39,14 +39,17 @@ class Horizon:
     measured_relative_velocity: float
     measured_acceleration: float
     measured_host_speed: float
+    measured_lead_acceleration: float
     clearance_age: float
     relative_velocity_age: float
     acceleration_age: float
     host_speed_age: float
+    lead_acceleration_age: float
     clearance_stale: bool
     relative_velocity_stale: bool
     acceleration_stale: bool
     host_speed_stale: bool
+    lead_acceleration_stale: bool
     clearance: float
     relative_velocity: float
     acceleration: float
@@ -122,14 +125,17 @@ class Mpc:
             measured_relative_velocity=sampled.relative_velocity.measured,
             measured_acceleration=sampled.acceleration.measured,
             measured_host_speed=sampled.host_speed.measured,
+            measured_lead_acceleration=sampled.lead_acceleration.measured,
             clearance_age=sampled.clearance.age,
             relative_velocity_age=sampled.relative_velocity.age,
             acceleration_age=sampled.acceleration.age,
             host_speed_age=sampled.host_speed.age,
+            lead_acceleration_age=sampled.lead_acceleration.age,
             clearance_stale=sampled.clearance.stale,
             relative_velocity_stale=sampled.relative_velocity.stale,
             acceleration_stale=sampled.acceleration.stale,
             host_speed_stale=sampled.host_speed.stale,
+            lead_acceleration_stale=sampled.lead_acceleration.stale,
             clearance=clearance,
             relative_velocity=relative_velocity,
             acceleration=acceleration,

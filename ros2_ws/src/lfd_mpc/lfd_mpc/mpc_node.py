@@ -28,6 +28,7 @@ from lfd_mpc.node_support import (
 from lfd_mpc.sampling import (
     ACCELERATION,
     HOST_SPEED,
+    LEAD_ACCELERATION,
     RADAR,
     Sample,
     ScalarSample,
@@ -54,6 +55,10 @@ def _host_speed(message: TwistStamped) -> Sample:
     return ScalarSample(HOST_SPEED, from_time(message.header.stamp), message.twist.linear.x)
 
 
+def _lead_acceleration(message: AccelStamped) -> Sample:
+    return ScalarSample(LEAD_ACCELERATION, from_time(message.header.stamp), message.accel.linear.x)
+
+
 RECEIPTS_TOPIC = "mpc/received"
 RECEIPTS_QOS = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 RECEIPTS_PARAMETER = ParameterDescriptor(
@@ -65,6 +70,7 @@ INPUT_TOPICS = {
     RADAR: (RadarTarget, "radar/target", radar_sample),
     HOST_SPEED: (TwistStamped, "vehicle/twist", _host_speed),
     ACCELERATION: (Imu, "vehicle/imu", _acceleration),
+    LEAD_ACCELERATION: (AccelStamped, "v2v/lead_acceleration", _lead_acceleration),
 }
 """Type, relative topic and conversion of each input."""
 

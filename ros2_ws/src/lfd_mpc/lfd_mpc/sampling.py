@@ -36,6 +36,10 @@ PERIOD_SAMPLES = 20
 RADAR, ACCELERATION, HOST_SPEED = "radar", "acceleration", "host_speed"
 INPUTS = (RADAR, ACCELERATION, HOST_SPEED)
 
+LEAD_ACCELERATION = "lead_acceleration"
+"""What the lead itself says of its acceleration (V2V). Its stamps are another car's: it neither
+releases steps nor takes part in deciding what time it is, and a lost one makes no gap."""
+
 UNKNOWN_TRACK = -1
 
 
@@ -61,7 +65,7 @@ class RadarSample:
 
 @dataclass(frozen=True)
 class ScalarSample:
-    """One value of `input`: acceleration in m/s^2 or host speed in m/s."""
+    """One value of `input`: an acceleration in m/s^2, or host speed in m/s."""
 
     input: str
     stamp: int
@@ -101,6 +105,7 @@ class StepInputs:
     relative_velocity: Reading
     acceleration: Reading
     host_speed: Reading
+    lead_acceleration: Reading
     clearance_now: float
     late_samples: int
     refused_samples: int
@@ -153,10 +158,19 @@ class _Epoch:
 
     def __init__(self) -> None:
         self.signals = {
-            name: _Signal() for name in ("clearance", "relative_velocity", ACCELERATION, HOST_SPEED)
+            name: _Signal()
+            for name in (
+                "clearance",
+                "relative_velocity",
+                ACCELERATION,
+                HOST_SPEED,
+                LEAD_ACCELERATION,
+            )
         }
         self.rhythms = {name: _Rhythm() for name in INPUTS}
-        self.pending: dict[str, deque[Sample]] = {name: deque() for name in INPUTS}
+        self.pending: dict[str, deque[Sample]] = {
+            name: deque() for name in (*INPUTS, LEAD_ACCELERATION)
+        }
         self.last: dict[str, int] = {}
         self.newest: int | None = None
         self.next_step: int | None = None
@@ -190,6 +204,9 @@ class Sampler:
         a restart; a single one is taken for a wrong stamp.
         """
         epoch = self._epoch
+        if sample.input == LEAD_ACCELERATION:
+            self._overhear(sample)
+            return []
         if epoch.newest is None:
             return self._accept(sample)
         previous = epoch.last.get(sample.input)
@@ -206,6 +223,20 @@ class Sampler:
         if odd is not None and (odd.stamp > epoch.newest or odd.input == sample.input):
             self._drop_odd()
         return self._continue(sample, epoch.newest)
+
+    def _overhear(self, sample: Sample) -> None:
+        """Take what the lead says, where it fits in with what is measured here."""
+        epoch = self._epoch
+        newest, previous = epoch.newest, epoch.last.get(LEAD_ACCELERATION)
+        if (
+            newest is None
+            or abs(sample.stamp - newest) > AHEAD_NS
+            or (previous is not None and sample.stamp <= previous)
+        ):
+            self._refused += 1
+            return
+        epoch.last[LEAD_ACCELERATION] = sample.stamp
+        epoch.pending[LEAD_ACCELERATION].append(sample)
 
     def clock(self, stamp: int) -> list[StepInputs]:
         """The clock has reached `stamp`: release what a silent accelerometer holds back.
@@ -286,7 +317,7 @@ class Sampler:
         stamp = epoch.next_step
         if stamp is None:
             oldest = min(
-                (queue[0].stamp for queue in epoch.pending.values() if queue), default=None
+                (queue[0].stamp for name in INPUTS if (queue := epoch.pending[name])), default=None
             )
             if oldest is None:
                 return []
@@ -302,14 +333,13 @@ class Sampler:
     def _make_step(self, stamp: int, without_acceleration: bool) -> StepInputs:
         epoch = self._epoch
         reason, self._restart_reason = self._restart_reason, ""
-        for name in INPUTS:
-            queue = epoch.pending[name]
+        for queue in epoch.pending.values():
             while queue and queue[0].stamp <= stamp:
                 sample = queue.popleft()
                 if isinstance(sample, RadarSample):
                     reason = self._take_radar(sample) or reason
                 elif isfinite(sample.value):
-                    epoch.signals[name].note(sample.stamp, sample.value)
+                    epoch.signals[sample.input].note(sample.stamp, sample.value)
                 else:
                     self._bad += 1
         self._step += 1
@@ -328,6 +358,7 @@ class Sampler:
             relative_velocity=velocity,
             acceleration=epoch.signals[ACCELERATION].at(stamp),
             host_speed=epoch.signals[HOST_SPEED].at(stamp),
+            lead_acceleration=epoch.signals[LEAD_ACCELERATION].at(stamp),
             # Between scans the clearance is carried forward with the relative velocity.
             clearance_now=clearance.measured + velocity.measured * clearance.age,
             late_samples=self._late,

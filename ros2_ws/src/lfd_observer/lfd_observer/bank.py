@@ -49,6 +49,7 @@ class ObserverBank:
             settings.injection_gain,
             settings.injection_filter_time,
             settings.boundary_layer,
+            settings.restart_error,
         )
         self._follower = HorizonFollower(settings.prediction_steps)
 

@@ -74,6 +74,15 @@ class BankSettings(HorizonSettings, LeadMotion):
         ge=0.0,
         le=10.0,
     )
+    restart_error: float = setting(
+        1.0,
+        "m + m/s",
+        "output error at which an observer starts anew from its measurement, keeping its relative "
+        "acceleration; 0 = never, as in the paper",
+        "own choice, docs/robust.md",
+        ge=0.0,
+        le=100.0,
+    )
     largest_relative_acceleration: float = setting(
         8.0,
         "m/s^2",

@@ -52,8 +52,20 @@ def reachability_margin(gain: float, relative_acceleration: float, sliding_error
 class SlidingModeObservers:
     """Any number of observers side by side, one step of 10 ms at a time."""
 
-    def __init__(self, count: int, gain: float, filter_time: float, boundary_layer: float) -> None:
-        """`gain` rho in m/s^2, `filter_time` in s, `boundary_layer` in m + m/s (0 = sign)."""
+    def __init__(
+        self,
+        count: int,
+        gain: float,
+        filter_time: float,
+        boundary_layer: float,
+        restart_error: float = 0.0,
+    ) -> None:
+        """`gain` rho in m/s^2, `filter_time` in s, `boundary_layer` in m + m/s (0 = sign).
+
+        An output error beyond `restart_error` (m + m/s, 0 = none) is a jump of what is measured,
+        not motion: the observer goes on from there with the relative acceleration that it had.
+        """
+        self._restart_error = restart_error
         self._gain = gain
         self._blend = STEP_S / (filter_time + STEP_S)
         self._boundary_layer = boundary_layer
@@ -74,6 +86,11 @@ class SlidingModeObservers:
         errors (n,), NaN where an observer has not started.
         """
         output_error = (measured - self._state) @ C
+        if self._restart_error:
+            jumped = np.abs(output_error) > self._restart_error
+            if jumped.any():
+                self._state[jumped] = measured[jumped]
+                output_error[jumped] = 0.0
         # Nearly always every observer runs and is fed; only else some need to be picked out.
         if self._all_started and isfinite(output_error.sum()):
             injection = self._injection(output_error)

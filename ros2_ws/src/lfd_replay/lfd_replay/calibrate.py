@@ -23,7 +23,13 @@ from lfd_replay.evaluation.normal_driving import (
 )
 from lfd_replay.evaluation.trace import JUDGED, Trace, record_trace
 from lfd_replay.offline import OfflineGraph
-from lfd_replay.profiles import PROFILES, GraphSettings, graph_settings, parameter_file_text
+from lfd_replay.profiles import (
+    DEFAULT_PROFILE,
+    PROFILES,
+    GraphSettings,
+    graph_settings,
+    parameter_file_text,
+)
 from lfd_replay.read_drive import add_read_options, read_drive, read_options
 from lfd_replay.score import intervals
 from lfd_replay.text_file import write_text
@@ -143,7 +149,7 @@ def main_calibrate(arguments: list[str]) -> int:
     add_read_options(parser)
     parser.add_argument(
         "--profile",
-        default=PROFILES[0],
+        default=DEFAULT_PROFILE,
         help=f"profile to start from, one of: {', '.join(PROFILES)} (default: %(default)s)",
     )
     parser.add_argument(

@@ -16,7 +16,14 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
+from lfd_mpc.sampling import (
+    ACCELERATION,
+    HOST_SPEED,
+    LEAD_ACCELERATION,
+    RADAR,
+    RadarSample,
+    Sample,
+)
 from lfd_replay.drive import Drive
 from lfd_replay.paths import share_folder
 from lfd_replay.recordings.can_log import HostSignals
@@ -34,10 +41,16 @@ TOPICS = {
     RADAR: ("/radar/target", "lfd_msgs/msg/RadarTarget"),
     ACCELERATION: ("/vehicle/imu", "sensor_msgs/msg/Imu"),
     HOST_SPEED: ("/vehicle/twist", "geometry_msgs/msg/TwistStamped"),
+    LEAD_ACCELERATION: ("/v2v/lead_acceleration", "geometry_msgs/msg/AccelStamped"),
 }
 """Topic and type of each input in a bag."""
 
-OPTIONS = {RADAR: "--radar-topic", ACCELERATION: "--accel-topic", HOST_SPEED: "--speed-topic"}
+OPTIONS = {
+    RADAR: "--radar-topic",
+    ACCELERATION: "--accel-topic",
+    HOST_SPEED: "--speed-topic",
+    LEAD_ACCELERATION: "--lead-acceleration-topic",
+}
 """The option that names the topic of each input."""
 
 
@@ -60,6 +73,7 @@ class Topics:
     radar: str | None = None
     acceleration: str | None = None
     host_speed: str | None = None
+    lead_acceleration: str | None = None
 
 
 @contextmanager
@@ -126,6 +140,9 @@ def _choose(
         return _with_status(reader, chosen)
     for msgtype in TYPES[name]:
         found = [c for c in reader.connections if c.msgtype == msgtype]
+        if name == LEAD_ACCELERATION:
+            # Many things are accelerations; only the topic says whose it is.
+            found = [c for c in found if c.topic.endswith(TOPICS[name][0])]
         if len({c.topic for c in found}) > 1:
             found = [c for c in found if c.topic.endswith(TOPICS[name][0])] or found
         if len({c.topic for c in found}) > 1:
@@ -137,7 +154,7 @@ def _choose(
         if found:
             return _with_status(reader, found)
     on_can = host is not None and any(c.msgtype == CAN_FRAME for c in reader.connections)
-    if name == HOST_SPEED or on_can:
+    if name in (HOST_SPEED, LEAD_ACCELERATION) or on_can:
         return []
     raise UserError(
         f"{path}: no topic of type {TYPES[name][0]} for {TOPICS[name][0]}; there are: {there}"
@@ -178,6 +195,9 @@ def sample_message(sample: Sample) -> tuple[str, str, Any]:
     if sample.input == HOST_SPEED:
         twist = types["geometry_msgs/msg/Twist"](linear=forward, angular=nothing)
         return topic, msgtype, types[msgtype](header=header, twist=twist)
+    if sample.input == LEAD_ACCELERATION:
+        accel = types["geometry_msgs/msg/Accel"](linear=forward, angular=nothing)
+        return topic, msgtype, types[msgtype](header=header, accel=accel)
     unknown = np.array([-1.0] + [0.0] * 8)
     message = types[msgtype](
         header=header,

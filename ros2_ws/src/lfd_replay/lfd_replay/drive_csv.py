@@ -9,6 +9,7 @@ from lfd_mpc.errors import UserError
 from lfd_mpc.sampling import (
     ACCELERATION,
     HOST_SPEED,
+    LEAD_ACCELERATION,
     RADAR,
     UNKNOWN_TRACK,
     RadarSample,
@@ -17,11 +18,11 @@ from lfd_mpc.sampling import (
 )
 
 COLUMNS = ("t_s", "range_m", "range_rate_mps", "host_speed_mps", "host_accel_mps2")
-"""Columns of a drive; units are in the names. `track_id` is optional."""
+"""Columns of a drive; units are in the names. `track_id` and `lead_accel_mps2` are optional."""
 
 RANGE, RANGE_RATE, SPEED, ACCEL = COLUMNS[1:]
-TRACK = "track_id"
-SCALARS = {SPEED: HOST_SPEED, ACCEL: ACCELERATION}
+TRACK, LEAD_ACCEL = "track_id", "lead_accel_mps2"
+SCALARS = {SPEED: HOST_SPEED, ACCEL: ACCELERATION, LEAD_ACCEL: LEAD_ACCELERATION}
 
 
 class Table:
@@ -143,10 +144,10 @@ def read_csv_streams(
     """
     table = Table(path, mapping)
     for name in mapping:
-        if name not in (*COLUMNS, TRACK):
+        if name not in (*COLUMNS, TRACK, LEAD_ACCEL):
             raise UserError(
                 f"--map {name}: no such column of a drive; "
-                f"there are: {', '.join((*COLUMNS, TRACK))}"
+                f"there are: {', '.join((*COLUMNS, TRACK, LEAD_ACCEL))}"
             )
     missing = [
         mapping.get(column, column)
@@ -159,7 +160,7 @@ def read_csv_streams(
         )
     streams = {RADAR: radar_stream(table)}
     for column, name in SCALARS.items():
-        if column not in replaced:
+        if column not in replaced and (column in COLUMNS or table.has(column)):
             streams[name] = scalar_stream(table, column, name)
     return streams
 
@@ -173,9 +174,9 @@ def read_csv_as_it_is(path: Path, mapping: dict[str, str]) -> dict[str, list[Sam
     times = table.times()
     columns = {
         name: list(table.column(name)) if table.has(name) else [None] * len(times)
-        for name in (*COLUMNS[1:], TRACK)
+        for name in (*COLUMNS[1:], TRACK, LEAD_ACCEL)
     }
-    streams: dict[str, list[Sample]] = {RADAR: [], HOST_SPEED: [], ACCELERATION: []}
+    streams: dict[str, list[Sample]] = {RADAR: [], **{name: [] for name in SCALARS.values()}}
     for row, stamp in enumerate(times):
         if stamp is None:
             continue

@@ -15,7 +15,7 @@ from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.offline import GraphStep, OfflineGraph
-from lfd_replay.profiles import PROFILES, graph_settings
+from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, graph_settings
 from lfd_replay.read_drive import add_read_options, read_drive, read_options
 from lfd_replay.report import write_report
 from lfd_replay.score import SUMMARY_COLUMNS, score, summary_rows, timeline
@@ -69,7 +69,7 @@ def main_evaluate(arguments: list[str]) -> int:
     add_drive_options(parser)
     parser.add_argument(
         "--profile",
-        default=PROFILES[0],
+        default=DEFAULT_PROFILE,
         help=f"one of: {', '.join(PROFILES)} (default: %(default)s)",
     )
     parser.add_argument("--params", type=Path, metavar="FILE.yaml", help="ROS parameter file")

@@ -3,7 +3,8 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from lfd_diagnosis.diagnosis import Diagnosis, Outcome
+from lfd_diagnosis.diagnosis import make_diagnosis
+from lfd_diagnosis.verdict import Outcome
 from lfd_mpc.errors import UserError
 from lfd_mpc.horizon import Horizon, Mpc
 from lfd_mpc.sampling import Sample
@@ -30,7 +31,7 @@ class OfflineGraph:
         except ValueError as error:
             raise UserError(f"mpc_node: {error}") from error
         self._bank = ObserverBank(settings.bank)
-        self._diagnosis = Diagnosis(settings.diagnosis)
+        self._diagnosis = make_diagnosis(settings.diagnosis)
 
     def push(self, sample: Sample) -> Iterator[GraphStep]:
         """Take one sample; gives the steps that it releases."""

@@ -20,7 +20,7 @@ from lfd_replay.evaluation import summary
 from lfd_replay.evaluation.campaign import evaluate_paper, full, plain
 from lfd_replay.evaluation.cases import RECORDED
 from lfd_replay.evaluation.page import write_evaluation_page
-from lfd_replay.profiles import PROFILES, graph_settings
+from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, graph_settings
 from lfd_replay.text_file import write_text
 
 
@@ -38,7 +38,7 @@ def main_paper_evaluation(arguments: list[str]) -> int:
     parser.add_argument("--full", action="store_true", help="every size, kind, drive and start")
     parser.add_argument(
         "--profile",
-        default=PROFILES[0],
+        default=DEFAULT_PROFILE,
         help=f"one of: {', '.join(PROFILES)} (default: %(default)s)",
     )
     parser.add_argument("--params", type=Path, metavar="FILE.yaml", help="ROS parameter file")

@@ -12,8 +12,14 @@ from lfd_mpc.errors import UserError
 from lfd_mpc.settings import MpcSettings, Settings, settings_error
 from lfd_observer.settings import BankSettings
 
-PROFILES = ("paper",)
-"""Names that `--profile` accepts; the first is the default. The paper profile is the defaults."""
+PROFILES: dict[str, dict[str, dict[str, object]]] = {
+    "robust": {},
+    "paper": {"observer_node": {"restart_error": 0.0}, "diagnosis_node": {"profile": "paper"}},
+}
+"""What `--profile` accepts; the first is the default: the settings' own defaults are the robust
+profile, the others say in what they differ."""
+
+DEFAULT_PROFILE = next(iter(PROFILES))
 
 
 @dataclass(frozen=True)
@@ -44,7 +50,7 @@ def graph_settings(profile: str, file: Path | None = None) -> GraphSettings:
     built = {}
     for name, kind in NODES.items():
         try:
-            built[name] = kind(**values[name])
+            built[name] = kind(**{**PROFILES[profile].get(name, {}), **values[name]})
         except ValidationError as error:
             raise UserError(f"{file}: {name}: {settings_error(error)}") from error
     return GraphSettings(*built.values())  # type: ignore[arg-type]

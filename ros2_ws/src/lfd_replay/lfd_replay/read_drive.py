@@ -79,7 +79,12 @@ def read_options(options: argparse.Namespace) -> ReadOptions:
         raise UserError("--speed-signal and --accel-signal need --host-dbc FILE")
     return ReadOptions(
         mapping=parse_mapping(options.map),
-        topics=Topics(options.radar_topic, options.accel_topic, options.speed_topic),
+        topics=Topics(
+            options.radar_topic,
+            options.accel_topic,
+            options.speed_topic,
+            options.lead_acceleration_topic,
+        ),
         mounting=Mounting((rotation[0], rotation[1], rotation[2]), offset),
         standstill=standstill,
         host=None if options.host_dbc is None else HostSignals(options.host_dbc, *signals),

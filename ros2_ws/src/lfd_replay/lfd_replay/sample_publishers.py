@@ -1,12 +1,20 @@
 """Samples as live messages on the graph's input topics."""
 
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import AccelStamped, TwistStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu
 
 from lfd_mpc.messages import to_time
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample, ScalarSample
+from lfd_mpc.sampling import (
+    ACCELERATION,
+    HOST_SPEED,
+    LEAD_ACCELERATION,
+    RADAR,
+    RadarSample,
+    Sample,
+    ScalarSample,
+)
 from lfd_msgs.msg import RadarTarget
 
 
@@ -17,12 +25,13 @@ class SamplePublishers:
         self,
         node: Node,
         qos: QoSProfile,
-        inputs: tuple[str, ...] = (RADAR, ACCELERATION, HOST_SPEED),
+        inputs: tuple[str, ...] = (RADAR, ACCELERATION, HOST_SPEED, LEAD_ACCELERATION),
     ) -> None:
         kinds = {
             RADAR: (RadarTarget, "radar/target"),
             ACCELERATION: (Imu, "vehicle/imu"),
             HOST_SPEED: (TwistStamped, "vehicle/twist"),
+            LEAD_ACCELERATION: (AccelStamped, "v2v/lead_acceleration"),
         }
         self._publishers = {name: node.create_publisher(*kinds[name], qos) for name in inputs}
 
@@ -49,11 +58,15 @@ def _radar(sample: RadarSample) -> RadarTarget:
     )
 
 
-def _scalar(sample: ScalarSample) -> Imu | TwistStamped:
+def _scalar(sample: ScalarSample) -> Imu | TwistStamped | AccelStamped:
     if sample.input == HOST_SPEED:
         twist = TwistStamped()
         twist.twist.linear.x = sample.value
         return twist
+    if sample.input == LEAD_ACCELERATION:
+        lead = AccelStamped()
+        lead.accel.linear.x = sample.value
+        return lead
     imu = Imu()
     imu.linear_acceleration.x = sample.value
     # Only the acceleration is known.

@@ -12,7 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample, ScalarSample
+from lfd_mpc.sampling import (
+    ACCELERATION,
+    HOST_SPEED,
+    LEAD_ACCELERATION,
+    RADAR,
+    RadarSample,
+    Sample,
+    ScalarSample,
+)
 from lfd_replay.recordings.can_log import CanDrive, HostSignals
 from lfd_replay.recordings.esr import ScanAssembler, esr_track, select_lead
 from lfd_replay.recordings.lead_selection import LeadSelector, Track
@@ -25,6 +33,7 @@ TYPES = {
     RADAR: ("lfd_msgs/msg/RadarTarget", ESR_TRACK, RADAR_TRACKS, CAN_FRAME),
     ACCELERATION: ("sensor_msgs/msg/Imu", "geometry_msgs/msg/AccelWithCovarianceStamped"),
     HOST_SPEED: ("geometry_msgs/msg/TwistStamped", "nav_msgs/msg/Odometry"),
+    LEAD_ACCELERATION: ("geometry_msgs/msg/AccelStamped",),
 }
 """Message types that carry each input; where a recording has several, the first one counts."""
 
@@ -80,6 +89,7 @@ class MessageConverter:
             "geometry_msgs/msg/AccelWithCovarianceStamped": self._accel,
             "geometry_msgs/msg/TwistStamped": self._twist,
             "nav_msgs/msg/Odometry": self._odometry,
+            "geometry_msgs/msg/AccelStamped": self._lead_acceleration,
         }
 
     def push(self, message_type: str, message: Any, received: int) -> Iterator[Sample]:
@@ -160,6 +170,9 @@ class MessageConverter:
 
     def _odometry(self, message: Any, stamp: int) -> Iterator[Sample]:
         yield self._host_speed(message.twist.twist, stamp)
+
+    def _lead_acceleration(self, message: Any, stamp: int) -> Iterator[Sample]:
+        yield ScalarSample(LEAD_ACCELERATION, stamp, float(message.accel.linear.x))
 
     def _host_speed(self, twist: Any, stamp: int) -> Sample:
         self._speed = float(twist.linear.x)
