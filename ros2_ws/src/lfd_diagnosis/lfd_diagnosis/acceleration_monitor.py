@@ -247,6 +247,7 @@ class AccelerationMonitor:
         self.size, self.size_std, self._settled = off, nan, 0
         self._baseline, self._recent = nan, deque(maxlen=BASELINE_DELAY)
         self._back_for, self._settling = 0, False
+        self._jumped_for = 0
 
     def _requalify(self, disagrees: bool) -> None:
         if disagrees:

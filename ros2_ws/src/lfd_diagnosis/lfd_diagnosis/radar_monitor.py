@@ -378,16 +378,16 @@ class RadarMonitor:
         """Whether a faulty signal is to be believed again."""
         settings = self._settings
         period = measured.at - signal.last_at
+        step = measured.value - signal.last
+        if signal is self.clearance:
+            step -= track.velocity * period
         if self.lost_since is None:
-            if signal.has_returned():
+            if signal.has_returned(step):
                 self._rebase(track, signal, measured.value)
             elif signal.has_stopped(measured.at, settings.requalify_time):
                 self._rebase(track, signal, measured.value)
                 signal.forgive()
                 return
-        step = measured.value - signal.last
-        if signal is self.clearance:
-            step -= track.velocity * period
         deviation = signal.deviation(track.variance(signal is self.velocity))
         agrees = signal.agrees_again(period, step, deviation, settings.clear_time, settings.latch)
         if self.lost_since is not None:

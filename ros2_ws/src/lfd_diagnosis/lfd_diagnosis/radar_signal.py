@@ -136,26 +136,28 @@ class RadarSignal:
         elif self.roughness.rough and self.kind is Kind.OFFSET:
             self.kind = Kind.NOISE
 
-    def has_returned(self) -> bool:
+    def has_returned(self, step: float) -> bool:
         """Whether the jump that made the fault was undone, whatever became of the reference.
 
-        One scan alone may be an outlier: the next one must not undo it.
+        `step` since the scan before, beyond the lead's own motion. One scan alone may be an
+        outlier: what jumps back must not come from one, and the next scan must not undo it.
         """
         if self.kind is not Kind.OFFSET:
             return False
         offset = sum(self._first) / len(self._first)
         tolerance = max(TOLERANCE * abs(offset), 0.5 * self.floor, 4.0 * self.noise.deviation)
-        back = len(self._recent) == self._recent.maxlen and (
-            abs(self.residual - median(self._recent) + offset) < tolerance < abs(offset)
+        if self._returning:
+            self._returning = False
+            if abs(step) < tolerance:
+                self._recent.clear()
+                self._came_back, self._agreeing = True, 0.0
+                return True
+        level = len(self._recent) == self._recent.maxlen and (
+            abs(self._recent[-1] - median(self._recent)) < tolerance
         )
-        returned = back and self._returning
-        if not back:
-            self._recent.append(self.residual)
-        elif returned:
-            self._recent.clear()
-            self._came_back, self._agreeing = True, 0.0
-        self._returning = back
-        return returned
+        self._returning = level and abs(step + offset) < tolerance < abs(offset)
+        self._recent.append(self.residual)
+        return False
 
     def has_stopped(self, at: float, duration: float) -> bool:
         """Whether a drift has not gone on for `duration`: nothing contradicts anything now."""
