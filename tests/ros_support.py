@@ -26,6 +26,12 @@ from lfd_replay.profiles import graph_settings
 LOCKSTEP = Path(__file__).parent.parent / "ros2_ws/src/lfd_bringup/params/lockstep.yaml"
 REPLAY_ARGUMENTS = ["--ros-args", "-p", "use_sim_time:=true", "--params-file", str(LOCKSTEP)]
 
+
+def profile_arguments(profile: str) -> list[str]:
+    """Arguments of nodes in lockstep under a profile."""
+    return [*REPLAY_ARGUMENTS, "--params-file", str(LOCKSTEP.with_name(f"{profile}.yaml"))]
+
+
 _domains = itertools.count(1)
 
 
@@ -103,9 +109,9 @@ def recorded(recorder: RecorderNode) -> dict[str, list]:
     return seen
 
 
-def offline(samples: list) -> dict[str, list]:
+def offline(samples: list, profile: str = "robust") -> dict[str, list]:
     """The same from the offline evaluation."""
-    steps = list(OfflineGraph(graph_settings("paper")).run(samples))
+    steps = list(OfflineGraph(graph_settings(profile)).run(samples))
     return {
         "mpc/horizon": [step.horizon for step in steps],
         "observer/bank": [step.bank for step in steps],

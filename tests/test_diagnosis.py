@@ -7,7 +7,7 @@ import pytest
 from test_observer import N, make_horizon
 
 from lfd_diagnosis.confidence import Confidence
-from lfd_diagnosis.diagnosis import Diagnosis
+from lfd_diagnosis.paper_diagnosis import PaperDiagnosis
 from lfd_diagnosis.fault_index import PredictionLimits
 from lfd_diagnosis.pairing import PATIENCE, Pairing
 from lfd_diagnosis.settings import DiagnosisSettings
@@ -31,7 +31,7 @@ class Both:
 
     def __init__(self) -> None:
         self.bank = ObserverBank(BankSettings())
-        self.diagnosis = Diagnosis(DiagnosisSettings())
+        self.diagnosis = PaperDiagnosis(DiagnosisSettings())
         self.number = 0
 
     def step(self, **fields):
@@ -123,7 +123,7 @@ def test_a_fault_is_dated_and_each_change_is_an_event() -> None:
 
 
 def test_without_the_bank_the_acceleration_is_not_judged() -> None:
-    diagnosis = Diagnosis(DiagnosisSettings())
+    diagnosis = PaperDiagnosis(DiagnosisSettings())
     report = diagnosis.step(make_horizon(1), None).report
     assert report.acceleration.state == State.NOT_READY
     assert "did not answer" in report.acceleration.reason
@@ -193,7 +193,7 @@ def test_a_pause_of_simulated_time_is_no_silence_but_a_dead_clock_is() -> None:
 
 
 def test_the_reason_says_what_the_radar_says_of_itself() -> None:
-    diagnosis = Diagnosis(DiagnosisSettings())
+    diagnosis = PaperDiagnosis(DiagnosisSettings())
     report = diagnosis.step(make_horizon(1, sensor_text="partial blockage"), None).report
     assert report.clearance.reason.endswith("; the radar says: partial blockage")
     assert report.radar.reason.endswith("; the radar says: partial blockage")

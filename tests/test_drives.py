@@ -151,7 +151,7 @@ MISTAKES = {
     "ends first": (["good.csv", "--fault", "zero:clearance@2-1"], "start before it ends"),
     "mapping": (["good.csv", "--map", "range_m"], "NAME=COLUMN"),
     "mapping of nothing": (["good.csv", "--map", "colour=x"], "no such column of a drive"),
-    "profile": (["good.csv", "--profile", "magic"], "unknown; there are: paper"),
+    "profile": (["good.csv", "--profile", "magic"], "unknown; there are: robust, paper"),
     "no parameter file": (["good.csv", "--params", "no.yaml"], "no.yaml"),
     "unknown parameter": (["good.csv", "--params", "typo.yaml"], "preview_tiem"),
     "refused parameter": (["good.csv", "--params", "refused.yaml"], "preview_time"),

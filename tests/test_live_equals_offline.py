@@ -3,7 +3,14 @@
 import pytest
 
 from lfd_bringup.recorder import RecorderNode
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RadarSample, ScalarSample, playing_order
+from lfd_mpc.sampling import (
+    ACCELERATION,
+    HOST_SPEED,
+    LEAD_ACCELERATION,
+    RadarSample,
+    ScalarSample,
+    playing_order,
+)
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.player import GRAPH_NODES, PlayerNode, PlayOptions
 from ros_support import (
@@ -11,6 +18,7 @@ from ros_support import (
     Graph,
     assert_live_equals_offline,
     offline,
+    profile_arguments,
     recorded,
 )
 
@@ -33,6 +41,10 @@ def drive(seconds: float = SECONDS) -> list:
         ScalarSample(HOST_SPEED, 4_000_000 + i * 12_000_000, 15.0 + 0.001 * i)
         for i in range(round(seconds * 83))
     ]
+    samples += [
+        ScalarSample(LEAD_ACCELERATION, 7_000_000 + i * 100_000_000, -0.3)
+        for i in range(round(seconds * 10))
+    ]
     return sorted(samples, key=playing_order)
 
 
@@ -40,12 +52,12 @@ def with_fault(text: str) -> list:
     return FaultInjector(parse_faults([text]), 0, seed=0).apply(drive())
 
 
-def play_live(samples: list, rate: float) -> dict[str, list]:
+def play_live(samples: list, rate: float, profile: str = "robust") -> dict[str, list]:
     with Graph() as graph:
-        graph.add_graph(REPLAY_ARGUMENTS)
+        graph.add_graph(profile_arguments(profile))
         recorder = graph.add(RecorderNode(lambda event: None, context=graph.context))
         graph.play(samples, rate, [*GRAPH_NODES, "recorder"])
-        wanted = {topic: len(records) for topic, records in offline(samples).items()}
+        wanted = {topic: len(records) for topic, records in offline(samples, profile).items()}
         graph.spin_until(
             lambda: all(recorder.count(topic) >= count for topic, count in wanted.items()),
             f"as many messages as offline: {wanted}",
@@ -54,6 +66,7 @@ def play_live(samples: list, rate: float) -> dict[str, list]:
         return recorded(recorder)
 
 
+@pytest.mark.parametrize("profile", ["robust", "paper"])
 @pytest.mark.parametrize(
     "fault",
     [
@@ -68,9 +81,10 @@ def play_live(samples: list, rate: float) -> dict[str, list]:
         "noise:acceleration=1@0-3;hold:radar@1-2",
     ],
 )
-def test_lockstep_gives_what_offline_gives(fault: str) -> None:
+def test_lockstep_gives_what_offline_gives(fault: str, profile: str) -> None:
     samples = with_fault(fault)
-    assert_live_equals_offline(play_live(samples, rate=0.0), offline(samples))
+    live = play_live(samples, rate=0.0, profile=profile)
+    assert_live_equals_offline(live, offline(samples, profile))
 
 
 def test_free_rate_gives_what_offline_gives_when_nothing_was_late() -> None:

@@ -162,11 +162,12 @@ def test_a_wrong_parameter_is_refused_by_name(graph, kind, argument: str, named:
 
 
 class DiagnosisRig:
-    """Feeds the diagnosis horizons and banks, and watches what it says."""
+    """Feeds the paper's diagnosis horizons and banks, and watches what it says."""
 
     def __init__(self, graph: Graph) -> None:
         self.graph = graph
-        graph.add(DiagnosisNode(context=graph.context))
+        paper = ["--ros-args", "-p", "profile:=paper"]
+        graph.add(DiagnosisNode(context=graph.context, cli_args=paper))
         self.node = graph.add(rclpy.create_node("rig", context=graph.context))
         self.horizon = self.node.create_publisher(PredictionHorizon, "mpc/horizon", PIPELINE_QOS)
         self.bank = self.node.create_publisher(ObserverBank, "observer/bank", PIPELINE_QOS)

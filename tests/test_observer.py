@@ -51,6 +51,11 @@ def make_horizon(step: int, clearance: float = 30.0, velocity: float = 0.0, **fi
     }
     for name in ("clearance", "relative_velocity", "acceleration", "host_speed"):
         values |= {f"measured_{name}": values[name], f"{name}_age": 0.0, f"{name}_stale": False}
+    values |= {
+        "measured_lead_acceleration": np.nan,
+        "lead_acceleration_age": np.nan,
+        "lead_acceleration_stale": True,
+    }
     values |= fields
     if not values["valid"]:
         for name in ("predicted_clearance", "predicted_relative_velocity", "input_sequence"):

@@ -30,10 +30,15 @@ def drive(data: Path, tmp_path: Path) -> Path:
     return out
 
 
-def evaluate(drive: Path, fault: str = "") -> dict:
+def evaluate(drive: Path, fault: str = "", profile: str = "paper") -> dict:
     result = drive.with_suffix(".json")
     faults = ["--fault", f"{fault}@{START:.4f}-{END:.4f}"] if fault else []
-    assert run_command(main_evaluate, [str(drive), *faults, "--json", str(result)]) == 0
+    assert (
+        run_command(
+            main_evaluate, [str(drive), *faults, "--profile", profile, "--json", str(result)]
+        )
+        == 0
+    )
     return json.loads(result.read_text())["sensors"]
 
 
