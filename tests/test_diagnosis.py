@@ -7,9 +7,9 @@ import pytest
 from test_observer import N, make_horizon
 
 from lfd_diagnosis.confidence import Confidence
-from lfd_diagnosis.paper_diagnosis import PaperDiagnosis
 from lfd_diagnosis.fault_index import PredictionLimits
 from lfd_diagnosis.pairing import PATIENCE, Pairing
+from lfd_diagnosis.paper_diagnosis import PaperDiagnosis
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.silence import CLOCK_LOST, LIMIT, SilenceWatch
 from lfd_diagnosis.verdict import State

@@ -53,6 +53,9 @@ JUMP_MEMORY = 25
 RADAR_GONE = 30
 """Steps for which the last relative acceleration stands in for one that is no longer known."""
 
+OWN_SHARE = 0.7
+"""Share of its difference from the lead's word that the accelerometer must have made itself."""
+
 LEAD_MEMORY = 2.0
 """Seconds over which the lead's acceleration is known when it is not measured."""
 
@@ -97,6 +100,9 @@ class AccelerationMonitor:
         self._slow_noise = LearntNoise(0.2, 0.05, 1.0, learn, memory=2000)
         self._share = share_of(settings.host_speed_filter_time)
         self._base_share = share_of(BASELINE)
+        self._report_noise = LearntNoise(
+            max(0.25, settings.lead_report_std), 0.1, 1.0, learn, memory=2000
+        )
         self._lag_product, self._lag_square = 0.0, LAG_PRIOR
         self._slope, self._slope_known = 0.0, 0.0
         self._ticks = 0
@@ -104,6 +110,7 @@ class AccelerationMonitor:
 
     def restart(self) -> None:
         """Nothing from before counts but what was learnt."""
+        self.check: Check | None = None
         self._forgive()
         self.speed.restart()
         self._roughness.restart()
@@ -115,6 +122,7 @@ class AccelerationMonitor:
         self._samples: deque[float] = deque(maxlen=2 * SHARP + SHARP_GAP)
         self._lead, self._lead_slow = nan, nan
         self._lead_recent: deque[float] = deque(maxlen=BASELINE_DELAY)
+        self._report_off = 0.0
         self._relative, self._radar_gone = 0.0, RADAR_GONE
         self._jumped_for, self._jump_sign = 0, 0.0
         self._rough_for = 0.0
@@ -124,7 +132,6 @@ class AccelerationMonitor:
     def _forgive(self) -> None:
         self.faulty, self.kind, self.because = False, Kind.UNKNOWN, ""
         self.confidence, self._agreeing = 0, 0.0
-        self.check: Check | None = None
         self._reference = self._lead_reference = nan
         self.size = self.size_std = nan
         self._settled = 0
@@ -375,10 +382,15 @@ class AccelerationMonitor:
     def _against_report(self, lead_report: LeadReport) -> Check:
         """Blamed only for what it did itself: the lead's word may be wrong as well."""
         settings = self._settings
-        residual = self._lead - lead_report.acceleration
+        off = self._lead - lead_report.acceleration
+        self._report_off += self._share * (off - self._report_off)
+        residual = self._report_off
         own = self._lead - self._lead_slow
-        limit = max(settings.acceleration_limit, 4.0 * settings.lead_report_std)
-        if own * residual < 0.0 or abs(own) < 0.7 * abs(residual):
+        sigma = settings.acceleration_sigma
+        limit = max(settings.acceleration_limit, sigma * self._report_noise.deviation)
+        if abs(residual) < LEAST * limit and self._ticks % 10 == 0:
+            self._report_noise.take(residual, 0.0)
+        if own * residual < 0.0 or abs(own) < OWN_SHARE * abs(residual):
             residual = 0.0
         check = Check("lead's word", residual, limit, Kind.OFFSET)
         if check.exceeded:

@@ -1,0 +1,1 @@
+"""What the robust profile must show, measured for both profiles."""

@@ -1,0 +1,326 @@
+"""All requirements: runs them, judges both profiles, and says what each mechanism contributes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from lfd_replay.evaluation.journal import Task
+from lfd_replay.evaluation.requirements import judge as judges
+from lfd_replay.evaluation.requirements import plan
+from lfd_replay.evaluation.requirements.judge import Finding, Judge, kinds_confusion
+from lfd_replay.evaluation.requirements.plan import Extent
+from lfd_replay.evaluation.requirements.windows import NEAREST, Run, run_windows
+from lfd_replay.evaluation.trace import JUDGED
+
+KINDS = {
+    "hold": dict.fromkeys((*JUDGED, "host_speed")),
+    "zero": dict.fromkeys((*JUDGED, "host_speed")),
+    "dropout": dict.fromkeys((*JUDGED, "host_speed")),
+    "ramp": plan.RAMPS,
+    "gain": dict.fromkeys(JUDGED, 1.3),
+    "noise": {"clearance": 0.56, "relative_velocity": 0.23, "acceleration": 0.8},
+    "delay": dict.fromkeys(JUDGED, 0.5),
+}
+"""Other kinds of fault by signal, with their values; noise is ten times the sensor's own."""
+
+OUTLIERS = (("clearance", 4.0), ("relative_velocity", 5.0), ("acceleration", 4.0))
+"""Spikes in m, m/s and m/s^2: the first sample of every second."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table: what is run and how it is judged."""
+
+    title: str
+    runs: tuple[Run, ...]
+    judge: Callable[[Judge], None]
+
+
+def rows(extent: Extent, recorded: bool) -> list[Row]:
+    """Everything but ablation and V2V."""
+    made: list[Row] = []
+
+    def add(title: str, runs: list[Run], judge: Callable[[Judge], None]) -> None:
+        if runs:
+            made.append(Row(title, tuple(runs), judge))
+
+    for name, values in plan.COMBINATIONS.items():
+        runs = plan.table_3(extent, values, recorded)
+        add(f"Table 3: {name}", runs, judges.judge_table_3)
+        generated = [run for run in runs if run.drive.startswith("data")]
+        add(f"Table 3: {name}, rebuilt", generated, partial(judges.judge_rebuilt, recorded=False))
+        others = [run for run in runs if run not in generated]
+        add(
+            f"Table 3: {name}, rebuilt, recorded",
+            others,
+            partial(judges.judge_rebuilt, recorded=True),
+        )
+    for signal, sizes in plan.OFFSETS.items():
+        runs_of_signal = []
+        for size in sizes:
+            runs = plan.spread("offset", ((signal, size),), extent.normal, extent.seeds)
+            runs_of_signal += runs
+            title = f"offset {signal} +-{size:g}"
+            add(title, runs, partial(judges.judge_offset, size=size))
+        rebuilt = partial(judges.judge_rebuilt, recorded=False)
+        add(f"offset {signal}, rebuilt", runs_of_signal, rebuilt)
+    blind = plan.spread("offset", plan.PAPER[2:], extent.few, extent.seeds, host_speed=False)
+    add(
+        "without host speed: acceleration +-4",
+        blind,
+        partial(judges.judge_found, least=0.99, delay=0.2),
+    )
+    add(
+        "without host speed: acceleration +-4, rebuilt",
+        blind,
+        partial(judges.judge_rebuilt, recorded=False, host_speed=False),
+    )
+    for kind, by_signal in KINDS.items():
+        for signal, value in by_signal.items():
+            judge = {
+                "hold": judges.judge_held,
+                "zero": judges.judge_held,
+                "dropout": judges.judge_dropout,
+                "ramp": judges.judge_ramp,
+            }.get(kind, judges.judge_other)
+            length = plan.RAMP_LENGTH if kind == "ramp" else plan.LENGTH
+            runs = plan.spread(
+                kind, ((signal, value),), extent.few, extent.seeds[:1], length, kind == "ramp"
+            )
+            add(f"{kind} {signal}", runs, judge)
+    for signal, value in OUTLIERS:
+        runs = plan.spread("spike", ((signal, value),), extent.few, extent.seeds[:1])
+        add(f"single outliers of {signal}", runs, partial(_judge_outliers, signal=signal))
+    add("healthy drives", plan.healthy(extent, recorded), judges.judge_healthy)
+    add(
+        "braking leads without host speed",
+        plan.braking_blind(extent),
+        lambda judge: judge.no_false_events(1.0),
+    )
+    for sensor in plan.OTHER_SENSORS:
+        add(
+            f"sensor {sensor}: healthy",
+            plan.other_sensors_healthy(extent, sensor),
+            judges.judge_healthy,
+        )
+        for name, values in plan.COMBINATIONS.items():
+            add(
+                f"sensor {sensor}: {name}",
+                plan.spread(
+                    "offset", values, extent.few, extent.seeds[:1], signed=False, sensor=sensor
+                ),
+                partial(judges.judge_found, least=0.99, delay=0.3),
+            )
+    if recorded:
+        add("nearest in path", [Run(NEAREST, 0)], partial(judges.judge_healthy, ready=0.8))
+        for name, values in plan.COMBINATIONS.items():
+            add(
+                f"nearest in path: {name}",
+                plan.nearest(values),
+                partial(judges.judge_found, least=0.99, delay=0.2),
+            )
+    return made
+
+
+def _judge_outliers(judge: Judge, signal: str) -> None:
+    """Outliers of one sample are no faults."""
+    flagged = [m["delay"] is not None for m in judge.of(signal)]
+    judge.share("not taken for a fault", [not flag for flag in flagged], 0.99)
+    judge.no_blame()
+
+
+V2V_SIZES = (1.5, 2.0, 4.0)
+"""Offsets of the acceleration in m/s^2 that are looked for without host speed."""
+
+
+def v2v_rows(extent: Extent) -> list[Row]:
+    """What the lead's word gains, and that a lie makes nothing worse."""
+    made = []
+    for lead in ("nothing", "the truth", "a lie"):
+        # With nothing said there is nothing to change, but the paper profile is of no interest.
+        more = {"lead": lead, "changes": (("use_lead_report", True),)}
+        for size in V2V_SIZES:
+            values = (("acceleration", size),)
+            runs = plan.spread(
+                "offset", values, extent.few, extent.seeds[:1], host_speed=False, **more
+            )
+            title = f"V2V says {lead}: acceleration +-{size:g} without host speed"
+            made.append(Row(title, tuple(runs), _judge_v2v_offset))
+        runs = plan.spread("offset", plan.PAPER[:2], extent.few, extent.seeds[:1], **more)
+        title = f"V2V says {lead}: clearance and relative velocity"
+        made.append(Row(title, tuple(runs), _judge_v2v_rebuilt))
+        drives = [
+            Run(name, seed, host_speed=False, **more)
+            for name in extent.few
+            for seed in extent.healthy_seeds
+        ]
+        made.append(Row(f"V2V says {lead}: healthy", tuple(drives), _judge_v2v_healthy))
+    return made
+
+
+def _judge_v2v_offset(judge: Judge) -> None:
+    found = [m["delay"] is not None for m in judge.of("acceleration")]
+    judge.share("found", found, 0.99, needed=False)
+    judge.no_false_events()
+
+
+def _judge_v2v_rebuilt(judge: Judge) -> None:
+    """How far off the coasted signals are, over all that was valid."""
+    for signal in ("clearance", "relative_velocity"):
+        rebuilt = [w["rebuilt"][signal] for w in judge.windows]
+        steps = [(r["rms"] ** 2, r["steps"]) for r in rebuilt if r["rms"] is not None]
+        total = sum(n for _, n in steps)
+        rms = (sum(s * n for s, n in steps) / total) ** 0.5 if total else float("nan")
+        judge.add(f"{signal} rebuilt over 4 s, rms", f"{rms:.2f}")
+    judge.no_false_events()
+
+
+def _judge_v2v_healthy(judge: Judge) -> None:
+    judge.no_false_events()
+
+
+MECHANISMS: dict[str, tuple[tuple[str, object], ...]] = {
+    "as it is": (("latch", True),),
+    "no learnt noise": (("learn_noise", False),),
+    "no check of roughness": (("check_roughness", False),),
+    "no check of repetition": (("check_repetition", False),),
+    "no check of drift": (("check_drift", False),),
+    "every new id a new car": (("same_car", False),),
+    "no host speed": (("use_host_speed", False),),
+    "no observers (and no host speed)": (("use_host_speed", False), ("use_observers", False)),
+    "observers not restarted (and no host speed)": (
+        ("use_host_speed", False),
+        ("restart_error", 0.0),
+    ),
+    "no latch": (("latch", False),),
+    "no V2V (and no host speed)": (("use_host_speed", False), ("use_lead_report", False)),
+    "V2V (and no host speed)": (("use_host_speed", False), ("use_lead_report", True)),
+}
+"""Each mechanism switched off, by settings of the robust profile."""
+
+
+def ablation_runs(extent: Extent, recorded: bool) -> dict[str, list[Run]]:
+    """What the mechanisms are judged on, by title; small, since it is run for each of them."""
+    drives = extent.few[1:4]
+    groups = {
+        "offsets of single signals": [
+            run
+            for signal, sizes in plan.OFFSETS.items()
+            for run in plan.spread("offset", ((signal, sizes[0]),), drives[:2], (1,))
+        ],
+        "Table 3": plan.spread("offset", plan.PAPER, drives[:2], (1,), 8.0, signed=False),
+        "hold and zero": [
+            run
+            for kind in ("hold", "zero")
+            for signal in JUDGED
+            for run in plan.spread(kind, ((signal, None),), drives[:1], (1,))
+        ],
+        "noise": [
+            run
+            for signal, value in KINDS["noise"].items()
+            for run in plan.spread("noise", ((signal, value),), drives[:1], (1,))
+        ],
+        "ramps": [
+            run
+            for signal, value in plan.RAMPS.items()
+            for run in plan.spread("ramp", ((signal, value),), drives[:1], (1,), 8.0)
+        ],
+        "healthy": [
+            *(Run(name, 1) for name in ("data-1", "stop-and-go", "cut-in", "bumps", "hill")),
+            *(Run("braking", 1, peak=peak) for peak in plan.BRAKING_PEAKS),
+            *(Run(drives[0], 1, sensor=sensor) for sensor in plan.OTHER_SENSORS),
+        ],
+    }
+    if recorded:
+        groups["nearest in path"] = [Run(NEAREST, 0), *plan.nearest(plan.PAPER)]
+    return groups
+
+
+@dataclass(frozen=True)
+class Requirements:
+    """What was found; `ablation`: by mechanism and group, found and false or blamed."""
+
+    findings: list[Finding]
+    v2v: list[Finding]
+    kinds: dict[str, dict[str, dict[str, int]]]
+    ablation: dict[str, dict[str, dict[str, float]]]
+
+
+def measure(
+    extent: Extent,
+    recorded: Path | None,
+    run_all: Callable[[list[Task]], dict[str, Any]],
+) -> Requirements:
+    """Run and judge everything."""
+    table, v2v = rows(extent, recorded is not None), v2v_rows(extent)
+    mechanisms = MECHANISMS if extent.ablation else {}
+    groups = ablation_runs(extent, recorded is not None) if mechanisms else {}
+    ablated = {
+        (name, title): [
+            replace(run, changes=changes, lead="the truth" if "V2V" in name else "nothing")
+            for run in runs
+            if "V2V" not in name or run.drive != NEAREST
+        ]
+        for name, changes in mechanisms.items()
+        for title, runs in groups.items()
+    }
+    everything = [run for row in (*table, *v2v) for run in row.runs]
+    everything += [run for runs in ablated.values() for run in runs]
+    unique = {run.key: run for run in everything}
+    results = run_all(
+        [Task(f"window/{key}", run_windows, (run, recorded)) for key, run in unique.items()]
+    )
+
+    def of(run: Run, profile: str) -> dict:
+        return results[f"window/{run.key}"][profile]
+
+    def judged(chosen: list[Row], profiles: tuple[str, ...]) -> list[Finding]:
+        found = []
+        for row in chosen:
+            for profile in profiles:
+                judge = Judge(row.title, profile, [of(run, profile) for run in row.runs])
+                row.judge(judge)
+                found += judge.findings
+        return found
+
+    return Requirements(
+        judged(table, ("robust", "paper")),
+        judged(v2v, ("robust",)),
+        _kinds(table, of),
+        _ablation(ablated, of),
+    )
+
+
+def _kinds(table: list[Row], of: Callable[[Run, str], dict]) -> dict:
+    """Confusion of kinds by signal, from the rows of one signal."""
+    by_signal: dict[str, dict[str, list[dict]]] = {}
+    for row in table:
+        kind, _, signal = row.title.partition(" ")
+        if "rebuilt" in row.title or kind not in ("offset", *KINDS):
+            continue
+        signal = signal.split(" ")[0]
+        windows = [w for run in row.runs for w in of(run, "robust")["windows"]]
+        by_signal.setdefault(signal, {}).setdefault(kind, []).extend(windows)
+    return {signal: kinds_confusion(by_kind) for signal, by_kind in by_signal.items()}
+
+
+def _ablation(
+    ablated: dict[tuple[str, str], list[Run]], of: Callable[[Run, str], dict]
+) -> dict[str, dict[str, dict[str, float]]]:
+    """By mechanism and group: share found, windows with wrong blame, false events."""
+    table: dict[str, dict[str, dict[str, float]]] = {}
+    for (name, title), runs in ablated.items():
+        results = [of(run, "robust") for run in runs]
+        windows = [w for result in results for w in result["windows"]]
+        made = [m for w in windows for m in w["signals"].values()]
+        table.setdefault(name, {})[title] = {
+            "found": sum(m["delay"] is not None for m in made) / len(made) if made else 1.0,
+            "signals": len(made),
+            "blamed": sum(bool(w["blamed"]) for w in windows),
+            "stuck": sum(m["clear"] is None or m["clear"] > 1.5 for m in made),
+            "false": sum(len(e) for r in results for e in r["false"].values()),
+            "ready": min(min(r["ready"][s] for s in JUDGED) for r in results),
+        }
+    return table

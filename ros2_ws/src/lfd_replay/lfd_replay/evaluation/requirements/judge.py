@@ -1,0 +1,265 @@
+"""From windows to findings: the figure, the target, and whether it is met."""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from lfd_diagnosis.verdict import Kind
+from lfd_replay.evaluation.requirements.plan import NOISE
+from lfd_replay.evaluation.trace import JUDGED
+
+ONSET = {"clearance": 3.0, "relative_velocity": 2.0, "acceleration": 2.0}
+"""Errors in m, m/s and m/s^2 that are dangerous."""
+
+OBSERVABLE = 5.0
+"""Times the sensor's noise from which on an error must be found."""
+
+MOVED = {"clearance": 0.3, "relative_velocity": 0.3, "acceleration": 0.3, "host_speed": 0.3}
+"""Error of a held signal from which on it has moved enough to tell, in its unit."""
+
+TIMEOUT = 0.2
+"""Seconds of silence after which NO_DATA must be said at 20 Hz: 0.15 s, and a scan."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One figure of one profile; `met` is None where there is only a figure to report."""
+
+    row: str
+    what: str
+    profile: str
+    value: str
+    target: str
+    met: bool | None
+
+    def as_dict(self) -> dict:
+        """For the summary."""
+        return asdict(self)
+
+
+class Judge:
+    """Collects findings of one profile on one row."""
+
+    def __init__(self, row: str, profile: str, results: list[dict]) -> None:
+        """`results`: what `run_windows` gave for this profile, run by run."""
+        self.row, self.profile = row, profile
+        self.results = results
+        self.windows = [w for result in results for w in result["windows"]]
+        self.findings: list[Finding] = []
+
+    def add(self, what: str, value: str, target: str = "", met: bool | None = None) -> None:
+        """Add one finding."""
+        self.findings.append(Finding(self.row, what, self.profile, value, target, met))
+
+    def share(self, what: str, marks: Iterable[bool], least: float, needed: bool = True) -> None:
+        """Share of marks that are true."""
+        marks = list(marks)
+        if not marks:
+            return
+        value = sum(marks) / len(marks)
+        self.add(
+            what,
+            f"{value:.1%} of {len(marks)}",
+            f"at least {least:.0%}",
+            value >= least if needed else None,
+        )
+
+    def of(self, signal: str) -> list[dict]:
+        """What was made of one signal in each window that it is faulty in."""
+        return [w["signals"][signal] for w in self.windows if signal in w["signals"]]
+
+    def signals(self) -> list[str]:
+        """The faulty signals."""
+        return list(dict.fromkeys(name for w in self.windows for name in w["signals"]))
+
+    def found(self, signal: str, least: float) -> list[float]:
+        """Share of windows in which a signal was flagged anew; returns the delays."""
+        made = self.of(signal)
+        delays = [m["delay"] for m in made if m["delay"] is not None and not m["already"]]
+        self.share(f"{signal} found", [m["delay"] is not None for m in made], least)
+        return delays
+
+    def middle(self, what: str, delays: list[float], most: float, part: float = 0.5) -> None:
+        """Quantile of delays in ms: the median, or the worst one."""
+        if delays:
+            value = float(np.quantile(delays, part))
+            self.add(what, f"{value * 1000:.0f} ms", f"{most * 1000:.0f} ms", value <= most)
+
+    def no_blame(self, least: float = 1.0) -> None:
+        """Share of windows in which no healthy signal was flagged."""
+        self.share("no healthy signal blamed", [not w["blamed"] for w in self.windows], least)
+
+    def no_false_events(self, per_run: float = 0.0) -> None:
+        """Flags where nothing was injected."""
+        events = {name: sum(len(r["false"][name]) for r in self.results) for name in JUDGED}
+        total, hours = sum(events.values()), sum(r["hours"] for r in self.results)
+        named = ", ".join(f"{n} {name}" for name, n in events.items() if n)
+        self.add(
+            "false events",
+            f"{total} in {hours:.2f} h" + (f" ({named})" if named else ""),
+            "none" if not per_run else f"at most {per_run * len(self.results):.0f}",
+            total <= per_run * len(self.results),
+        )
+
+    def is_ready(self, least: float) -> None:
+        """The least share of time in which radar and acceleration were judged."""
+        lowest = min((min(r["ready"][name] for name in JUDGED) for r in self.results), default=0.0)
+        self.add("ready, least of all drives", f"{lowest:.1%}", f"{least:.0%}", lowest >= least)
+
+
+def judge_table_3(judge: Judge) -> None:
+    """Table 3's faults: exactly the injected signals, soon, for as long, and not longer."""
+    for signal in judge.signals():
+        delays = judge.found(signal, 1.0)
+        made = judge.of(signal)
+        if signal == "acceleration":
+            judge.middle(f"{signal}, median delay", delays, 0.150)
+            judge.middle(f"{signal}, worst delay", delays, 0.200, 1.0)
+        else:
+            judge.middle(f"{signal}, worst delay", delays, 0.130, 1.0)
+        judge.share(f"{signal} flagged for 97 %", [m["fraction"] >= 0.97 for m in made], 1.0)
+        judge.share(
+            f"{signal} clear within 1.5 s",
+            [m["clear"] is not None and m["clear"] <= 1.5 for m in made if m["delay"] is not None],
+            1.0,
+        )
+    judge.no_blame()
+    judge.no_false_events()
+
+
+def judge_offset(judge: Judge, size: float) -> None:
+    """An offset of one signal alone."""
+    (signal,) = judge.signals()
+    delays = judge.found(signal, 0.99)
+    judge.middle("median delay", delays, 0.300 if signal == "acceleration" else 0.200)
+    judge.no_blame(0.98)
+    made = [m for m in judge.of(signal) if m["kind"] is not None]
+    judge.share("kind named", [m["kind"] == Kind.OFFSET for m in made], 0.90)
+    judge.share("size right", [_size_right(m, size) for m in made], 0.90)
+
+
+def _size_right(made: dict, size: float) -> bool:
+    if made["size"] is None:
+        return False
+    off = abs(abs(made["size"]) - size)
+    return off <= max(0.2 * size, made["size_std"] or 0.0)
+
+
+def judge_found(judge: Judge, least: float, delay: float) -> None:
+    """Every faulty signal found, soon."""
+    for signal in judge.signals():
+        delays = judge.found(signal, least)
+        judge.middle(f"{signal}, 99 % within", delays, delay, 0.99)
+    judge.no_false_events()
+
+
+def judge_held(judge: Judge) -> None:
+    """A signal that is held, or zero: found within 0.5 s of having moved enough to tell."""
+    (signal,) = judge.signals()
+    good = []
+    for made in judge.of(signal):
+        moved = next((k * 0.1 for k, e in enumerate(made["rms"]) if e > MOVED[signal]), None)
+        if moved is not None:
+            good.append(made["delay"] is not None and made["delay"] <= moved + 0.1 + 0.5)
+    judge.share("found within 0.5 s of having moved enough", good, 0.99)
+    judge.no_blame(0.98)
+
+
+def judge_dropout(judge: Judge) -> None:
+    """A sensor that falls silent: NO_DATA, and judged again soon after it is back."""
+    for signal in judge.signals():
+        made = judge.of(signal)
+        judge.share(
+            f"{signal}: NO_DATA in time",
+            [m["silent_after"] is not None and m["silent_after"] <= TIMEOUT for m in made],
+            1.0,
+        )
+        judge.share(
+            f"{signal}: judged again within 0.5 s",
+            [m["back_after"] is not None and m["back_after"] <= 0.7 for m in made],
+            1.0,
+        )
+    judge.no_blame()
+
+
+def judge_ramp(judge: Judge) -> None:
+    """A drift: found before its error is dangerous."""
+    (signal,) = judge.signals()
+    judge.share(
+        f"found below {ONSET[signal]:g}",
+        [m["at_found"] is not None and m["at_found"] <= ONSET[signal] for m in judge.of(signal)],
+        0.95,
+    )
+    judge.no_blame(0.98)
+
+
+def judge_other(judge: Judge) -> None:
+    """Gain, noise and delay: by what their errors are like."""
+    (signal,) = judge.signals()
+    limit = OBSERVABLE * NOISE[signal]
+    dangerous, others, hidden = [], [], 0
+    for made in judge.of(signal):
+        if made["onset"] is not None and made["onset"] > ONSET[signal]:
+            dangerous.append(made["delay"] is not None and made["delay"] <= 0.3)
+            continue
+        seen = next((k * 0.1 for k, e in enumerate(made["rms"]) if e > limit), None)
+        if seen is None:
+            hidden += 1
+        elif seen <= 1.9:
+            others.append(made["delay"] is not None and made["delay"] <= seen + 0.1 + 2.0)
+    judge.share("dangerous at onset, found within 300 ms", dangerous, 0.99)
+    judge.share("others found within 2 s of being observable", others, 0.95)
+    judge.add("not observable", f"{hidden} windows")
+    judge.no_blame(0.98)
+
+
+def judge_healthy(judge: Judge, ready: float = 0.95) -> None:
+    """Silent, and not for want of judging."""
+    judge.no_false_events()
+    judge.is_ready(ready)
+
+
+def judge_rebuilt(judge: Judge, recorded: bool, host_speed: bool = True) -> None:
+    """Reconstructed signals while the measured ones are faulty."""
+    least = 0.90 if recorded else 0.95
+    for signal, limit in (("clearance", 0.5), ("relative_velocity", 0.5), ("acceleration", None)):
+        rebuilt = [w["rebuilt"][signal] for w in judge.windows if signal in w["rebuilt"]]
+        if not rebuilt:
+            continue
+        if limit is not None:
+            worst = [r["worst"] for r in rebuilt]
+            judge.share(
+                f"{signal} within {limit:g} for 1 s",
+                [value is not None and value <= limit for value in worst],
+                least,
+            )
+        else:
+            most = 0.3 if host_speed else 0.7
+            squares = [(r["rms"] ** 2, r["steps"]) for r in rebuilt if r["rms"] is not None]
+            total = sum(steps for _, steps in squares)
+            rms = (sum(s * n for s, n in squares) / total) ** 0.5 if total else float("nan")
+            judge.add(f"{signal}, rms", f"{rms:.2f} m/s^2", f"at most {most}", rms <= most)
+        steps = sum(r["steps"] for r in rebuilt)
+        if steps:
+            share = sum(r["covered"] for r in rebuilt) / steps
+            judge.add(
+                f"{signal} covered by 1.96 std",
+                f"{share:.1%} of {steps} steps",
+                "93 to 97 %",
+                0.93 <= share <= 0.97,
+            )
+
+
+def kinds_confusion(results: dict[str, list[dict]]) -> dict[str, dict[str, int]]:
+    """Kind injected against kind named, in windows that were found; `results` by kind injected."""
+    table = {}
+    for injected, windows in results.items():
+        counter: Counter[str] = Counter()
+        for window in windows:
+            for made in window["signals"].values():
+                named = made["kind"]
+                counter["not found" if named is None else Kind(named).name.lower()] += 1
+        table[injected] = dict(counter)
+    return table

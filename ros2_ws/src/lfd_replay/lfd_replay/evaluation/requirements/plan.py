@@ -1,0 +1,152 @@
+"""Which drives and faults the requirements are measured on."""
+
+from dataclasses import dataclass
+from zlib import crc32
+
+import numpy as np
+
+from lfd_replay.evaluation.cases import RECORDED, RECORDED_RADAR_FIRST, SCAN
+from lfd_replay.evaluation.fault_windows import PAPER, PAUSE, WARM_UP
+from lfd_replay.evaluation.requirements.windows import NEAREST, Run
+from lfd_replay.generated.lead_profiles import NORMAL, lead_profile
+
+COMBINATIONS = {
+    "clearance and relative velocity": PAPER[:2],
+    "acceleration": PAPER[2:],
+    "all three": PAPER,
+}
+"""Table 3's faults."""
+
+OFFSETS = {
+    "clearance": (2.0, 4.0),
+    "relative_velocity": (2.0, 5.0, 10.0),
+    "acceleration": (1.5, 2.0, 4.0),
+}
+"""Offsets of one signal alone, of both signs, in m, m/s and m/s^2."""
+
+RAMPS = {"clearance": 0.5, "relative_velocity": 0.5, "acceleration": 0.5}
+"""Ramps in m/s, m/s^2 and m/s^3."""
+
+LENGTH, RAMP_LENGTH = 4.0, 8.0
+"""Seconds of each fault."""
+
+NOISE = {"clearance": 0.056, "relative_velocity": 0.023, "acceleration": 0.31}
+"""Noise of the generated sensors in m, m/s and m/s^2, the acceleration's slow deviation included."""
+
+BRAKING_PEAKS = (-2.5, -4.0, -6.0, -8.0)
+"""m/s^2"""
+
+SPECIAL = ("data-1", "data-2", "data-3", "cut-in", "stop-and-go", "hill", "bumps")
+"""Healthy drives beside the normal ones."""
+
+OTHER_SENSORS = ("coarse", "gnss")
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How much is run. Parameters were chosen on even seeds; these are odd."""
+
+    normal: tuple[str, ...]
+    seeds: tuple[int, ...]
+    few: tuple[str, ...]
+    starts: int
+    healthy_seeds: tuple[int, ...]
+    ablation: bool
+
+
+def plain_extent() -> Extent:
+    """What fits in a few minutes."""
+    return Extent(NORMAL[6::14], (1,), NORMAL[6::14], 2, (1,), False)
+
+
+def full_extent() -> Extent:
+    """At least 500 windows of each offset."""
+    return Extent(NORMAL, (1, 3), NORMAL[::3], 10, (1, 3, 5), True)
+
+
+def fault_texts(
+    kind: str,
+    values: tuple[tuple[str, float | None], ...],
+    drive: str,
+    seed: int,
+    length: float = LENGTH,
+    signed: bool = True,
+) -> tuple[str, ...]:
+    """One fault after the other, at times spread over the scan phase; every other one negative."""
+    key = f"{drive}/{kind}/{values}"
+    generator = np.random.default_rng([seed, crc32(key.encode())])
+    duration = lead_profile(drive).duration
+    texts: list[str] = []
+    start = WARM_UP + generator.uniform(0.0, 1.0)
+    while start + length + PAUSE < duration:
+        sign = -1.0 if signed and len(texts) % 2 else 1.0
+        given = ",".join(s if v is None else f"{s}={sign * v:g}" for s, v in values)
+        texts.append(f"{kind}:{given}@{start:.4f}-{start + length:.4f}")
+        start += length + PAUSE + generator.uniform(0.0, 1.0)
+    return tuple(texts)
+
+
+def spread(
+    kind: str,
+    values: tuple[tuple[str, float | None], ...],
+    drives: tuple[str, ...],
+    seeds: tuple[int, ...],
+    length: float = LENGTH,
+    signed: bool = True,
+    **more,
+) -> list[Run]:
+    """Runs of one fault over normal drives."""
+    return [
+        Run(drive, seed, fault_texts(kind, values, drive, seed, length, signed), **more)
+        for drive in drives
+        for seed in seeds
+    ]
+
+
+def table_3(extent: Extent, values: tuple, recorded: bool) -> list[Run]:
+    """One of Table 3's faults on its drives, starts spread over the scan phase."""
+    given = ",".join(f"{signal}={value:g}" for signal, value in values)
+    first = {"data-1": 40.0, "data-2": 40.0, "data-3": 40.0}
+    if recorded:
+        first[RECORDED] = RECORDED_RADAR_FIRST + 20.0
+    return [
+        Run(drive, 1, (f"offset:{given}@{start + phase:.4f}-{start + phase + 15.0:.4f}",))
+        for drive, start in first.items()
+        for phase in [SCAN * k / extent.starts for k in range(extent.starts)]
+    ]
+
+
+def healthy(extent: Extent, recorded: bool) -> list[Run]:
+    """Drives on which nothing is to be found."""
+    runs = [Run(name, seed) for seed in extent.healthy_seeds for name in (*extent.normal, *SPECIAL)]
+    runs += [
+        Run("braking", seed, peak=peak) for seed in extent.healthy_seeds for peak in BRAKING_PEAKS
+    ]
+    if recorded:
+        runs += [Run(RECORDED, 0), Run(NEAREST, 0)]
+    return runs
+
+
+def braking_blind(extent: Extent) -> list[Run]:
+    """Braking leads without the host's speed."""
+    return [
+        Run("braking", seed, peak=peak, host_speed=False)
+        for seed in extent.healthy_seeds
+        for peak in BRAKING_PEAKS
+    ]
+
+
+def other_sensors_healthy(extent: Extent, sensor: str) -> list[Run]:
+    """Healthy drives as other sensors see them."""
+    names = (*extent.few, "data-1", "data-2", "stop-and-go", "hill", "cut-in")
+    return [Run(name, seed, sensor=sensor) for name in names for seed in extent.healthy_seeds]
+
+
+NEAREST_FAULTS = (14.0, 22.0, 30.0, 38.0, 46.0)
+"""Starts of faults in the recorded drive's nearest target in s, each 5 s long."""
+
+
+def nearest(values: tuple) -> list[Run]:
+    """Table 3's faults where the radar's ids change all the time."""
+    given = ",".join(f"{signal}={value:g}" for signal, value in values)
+    return [Run(NEAREST, 0, (f"offset:{given}@{t}-{t + 5.0}",)) for t in NEAREST_FAULTS]

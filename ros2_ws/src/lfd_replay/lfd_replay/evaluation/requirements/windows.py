@@ -1,0 +1,331 @@
+"""One drive with faults through both profiles: what each made of every window."""
+
+from dataclasses import dataclass
+from math import isfinite, nan
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lfd_diagnosis.verdict import Report, State
+from lfd_mpc.horizon import Mpc
+from lfd_mpc.sampling import HOST_SPEED, LEAD_ACCELERATION, Sample, Sampler, ScalarSample
+from lfd_replay.drive import Drive
+from lfd_replay.evaluation.cases import RECORDED, load_drive
+from lfd_replay.evaluation.trace import JUDGED
+from lfd_replay.faults import Fault, FaultInjector, parse_faults
+from lfd_replay.generated.generate import drive_truth, generate_drive
+from lfd_replay.import_drive import join_drive
+from lfd_replay.offline import OfflineGraph
+from lfd_replay.profiles import PROFILES, GraphSettings, graph_settings
+from lfd_replay.read_drive import ReadOptions
+
+Array = NDArray[np.float64]
+
+NEAREST = "nearest in path"
+"""The recorded drive's nearest target in path: its track ids change with every swap."""
+
+WATCHED = (*JUDGED, "host_speed")
+"""The signals whose verdicts are kept."""
+
+AFTER = 3.0
+"""Seconds after a window in which a flag on a healthy signal counts as its blame."""
+
+LEAD_PERIOD, LEAD_DELAY, LEAD_NOISE = 0.1, 0.1, 0.2
+"""The V2V messages of generated drives: period and delay in s, noise in m/s^2."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One drive with faults: which drive, which sensors, which inputs, which profiles.
+
+    `faults`: texts. `changes`: settings of the diagnosis that differ from the robust profile's,
+    by name; with any, the paper profile is left out. `lead`: what the lead says: nothing, the
+    truth, or a lie from 20 s on.
+    """
+
+    drive: str
+    seed: int
+    faults: tuple[str, ...] = ()
+    sensor: str = "esr"
+    peak: float | None = None
+    host_speed: bool = True
+    lead: str = "nothing"
+    changes: tuple[tuple[str, object], ...] = ()
+
+    @property
+    def key(self) -> str:
+        """A name of its own."""
+        return "/".join(map(str, vars(self).values()))
+
+
+def load(run: Run, recorded: Path | None) -> Drive:
+    """The drive of a run."""
+    if run.drive == NEAREST:
+        base = f"{recorded}/{RECORDED}"
+        return join_drive(
+            Path(f"{base}_nearest_in_path.csv"),
+            f"{base}.can_accel_0x24.csv:acc_forward_mps2",
+            f"{base}.speed.csv",
+            ReadOptions(mapping={"track_id": "track_addr"}),
+        )
+    if run.drive == RECORDED:
+        return load_drive(RECORDED, recorded)
+    return generate_drive(run.drive, run.seed, run.sensor, run.peak)
+
+
+def _lead_says(run: Run, drive: Drive) -> list[Sample]:
+    """What the lead says of its acceleration."""
+    if run.lead == "nothing":
+        return []
+    truth = drive_truth(run.drive, run.peak)
+    times = np.arange(LEAD_PERIOD, truth.time[-1], LEAD_PERIOD)
+    noise = np.random.default_rng(run.seed).normal(0.0, LEAD_NOISE, len(times))
+    said = np.interp(times - LEAD_DELAY, truth.time, truth.lead_acceleration) + noise
+    if run.lead == "a lie":
+        said += np.where(times > 20.0, 4.0, 0.0)
+    # The truth's time zero is that of the stamps.
+    return [
+        ScalarSample(LEAD_ACCELERATION, round(t * 1e9), float(v))
+        for t, v in zip(times.tolist(), said, strict=True)
+    ]
+
+
+def settings_of(run: Run) -> dict[str, GraphSettings]:
+    """Settings of the profiles that a run goes through."""
+    if not run.changes:
+        return {name: graph_settings(name) for name in PROFILES}
+    robust = graph_settings("robust")
+    changes = dict(run.changes)
+    bank = {k: v for k, v in changes.items() if k in type(robust.bank).model_fields}
+    diagnosis = {k: v for k, v in changes.items() if k not in bank}
+    return {
+        "robust": GraphSettings(
+            robust.mpc,
+            robust.bank.model_copy(update=bank),
+            robust.diagnosis.model_copy(update=diagnosis),
+        )
+    }
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A run under one profile, over n steps.
+
+    `times` (n,) in s of drive time. By signal: `flags`, `ready` and `silent` (n,); `kinds`,
+    `sizes` and `size_stds` (n,). `rebuilt` and `rebuilt_std` (n, 3) in the order of `JUDGED`.
+    """
+
+    times: Array
+    flags: dict[str, NDArray[np.bool_]]
+    ready: dict[str, NDArray[np.bool_]]
+    silent: dict[str, NDArray[np.bool_]]
+    kinds: dict[str, Array]
+    sizes: dict[str, Array]
+    size_stds: dict[str, Array]
+    rebuilt: Array
+    rebuilt_std: Array
+
+
+def look(run: Run, recorded: Path | None) -> tuple[dict[str, Seen], Array, Array, list[Fault]]:
+    """Both profiles' view, the signals as faulty and as healthy (n, 4), and the faults."""
+    drive = load(run, recorded)
+    zero = drive.zero
+    samples = [s for s in drive.samples if run.host_speed or s.input != HOST_SPEED]
+    samples = sorted([*samples, *_lead_says(run, drive)], key=lambda s: s.stamp)
+    faults = parse_faults(run.faults)
+    chosen = settings_of(run)
+    mpc = Mpc(next(iter(chosen.values())).mpc)
+    horizons = [
+        horizon
+        for sample in FaultInjector(faults, zero, run.seed).apply(samples)
+        for horizon in mpc.push(sample)
+    ]
+    times = (np.array([h.stamp for h in horizons]) - zero) * 1e-9
+    measured = np.array(
+        [
+            (h.clearance, h.relative_velocity, h.acceleration, h.measured_host_speed)
+            for h in horizons
+        ]
+    ).reshape(-1, 4)
+    seen = {}
+    for name, settings in chosen.items():
+        graph = OfflineGraph(settings)
+        seen[name] = _collect(times, [graph.answer(h).outcome for h in horizons])
+    return seen, measured, _healthy(samples, times, zero) if faults else measured, faults
+
+
+def _healthy(samples: list[Sample], times: Array, zero: int) -> Array:
+    """The signals (n, 4) as they would have been used without a fault."""
+    sampler = Sampler()
+    values = {}
+    for sample in samples:
+        for step in sampler.push(sample):
+            values[step.stamp] = (
+                step.clearance_now,
+                step.relative_velocity.measured,
+                step.acceleration.measured,
+                step.host_speed.measured,
+            )
+    nothing = (nan,) * 4
+    stamps = (np.round(times * 1e9) + zero).astype(np.int64).tolist()
+    return np.array([values.get(stamp, nothing) for stamp in stamps]).reshape(-1, 4)
+
+
+def _collect(times: Array, outcomes: list) -> Seen:
+    reports: list[Report] = [outcome.report for outcome in outcomes]
+
+    def column(name: str, field: str) -> Array:
+        return np.array([getattr(getattr(report, name), field) for report in reports], dtype=float)
+
+    states = {name: column(name, "state") for name in WATCHED}
+    now = [outcome.reconstruction for outcome in outcomes]
+    return Seen(
+        times,
+        {name: state == State.FAULT for name, state in states.items()},
+        {name: state != State.NOT_READY for name, state in states.items()},
+        {name: state == State.NO_DATA for name, state in states.items()},
+        *(
+            {name: column(name, field) for name in WATCHED}
+            for field in ("kind", "size", "size_std")
+        ),
+        np.array([(r.clearance, r.relative_velocity, r.acceleration) for r in now]),
+        np.array([(r.clearance_std, r.relative_velocity_std, r.acceleration_std) for r in now]),
+    )
+
+
+def first(times: Array, marked: NDArray[np.bool_]) -> float | None:
+    """Time of the first marked step; None where there is none."""
+    where = np.flatnonzero(marked)
+    return float(times[where[0]]) if len(where) else None
+
+
+def run_windows(run: Run, recorded: Path | None) -> dict[str, dict]:
+    """By profile: what was made of each window, false events, and how long it was ready."""
+    seen, measured, healthy, faults = look(run, recorded)
+    error = measured - healthy
+    return {
+        profile: {
+            "windows": [_window(view, error, healthy, fault) for fault in faults],
+            "false": _false_events(view, faults),
+            "ready": {
+                name: float(ready[view.times > 1.0].mean()) for name, ready in view.ready.items()
+            },
+            "hours": len(view.times) * 0.01 / 3600.0,
+        }
+        for profile, view in seen.items()
+    }
+
+
+def _false_events(view: Seen, faults: list[Fault]) -> dict[str, list[float]]:
+    """Beginnings of flags outside of all faults and the second after them, by signal, in s."""
+    near = np.zeros(len(view.times), dtype=bool)
+    for fault in faults:
+        near |= (view.times >= fault.start * 1e-9) & (view.times < fault.end * 1e-9 + 1.0)
+    begins = {}
+    for name in JUDGED:
+        flags = view.flags[name]
+        begin = flags & ~np.append(False, flags[:-1]) & ~near
+        begins[name] = view.times[begin].round(3).tolist()
+    return begins
+
+
+def _window(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
+    """One fault: delays, blame, kind, size, and how well the signals were rebuilt."""
+    start, end = fault.start * 1e-9, fault.end * 1e-9
+    times = view.times
+    inside = (times >= start) & (times < end)
+    signals = {}
+    for name in fault.signals:
+        flags = view.flags[name]
+        at = first(times, flags & inside)
+        clear = first(times, ~flags & (times >= end))
+        gone = view.silent[name]
+        back = first(times, ~gone & view.ready[name] & ~flags & (times >= end))
+        signals[name] = {
+            "delay": None if at is None else at - start,
+            "already": bool(flags[max(np.searchsorted(times, start) - 1, 0)]),
+            "fraction": float(flags[inside].mean()) if inside.any() else None,
+            "clear": None if clear is None else clear - end,
+            "silent_after": _after(first(times, gone & inside), start),
+            "back_after": _after(back, end),
+            **_named(view, name, inside, times, end),
+            **_error(error[:, WATCHED.index(name)], times, start, inside, at),
+        }
+    watched = (times >= start) & (times < end + AFTER)
+    return {
+        "signals": signals,
+        "blamed": [
+            name
+            for name in JUDGED
+            if name not in fault.signals and (view.flags[name] & watched).any()
+        ],
+        "rebuilt": _rebuilt(view, healthy, fault, inside, times, start),
+    }
+
+
+def _after(at: float | None, zero: float) -> float | None:
+    return None if at is None else at - zero
+
+
+def _named(view: Seen, name: str, inside: NDArray[np.bool_], times: Array, end: float) -> dict:
+    """What the fault was called, and how large, at the end of its window."""
+    last = np.flatnonzero(inside & view.flags[name] & (times < end - 0.02))
+    if not len(last):
+        return {"kind": None, "size": None, "size_std": None}
+    k = last[-1]
+    size, std = float(view.sizes[name][k]), float(view.size_stds[name][k])
+    return {
+        "kind": int(view.kinds[name][k]),
+        "size": size if isfinite(size) else None,
+        "size_std": std if isfinite(std) else None,
+    }
+
+
+def _error(
+    error: Array, times: Array, start: float, inside: NDArray[np.bool_], at: float | None
+) -> dict:
+    """What the fault did to the signal: at its onset, when it was found, and over time.
+
+    `rms`: of each 0.1 s of the window, as far as the signal was there.
+    """
+    onset = np.abs(error[inside & (times < start + 0.1)])
+    found = None if at is None else np.abs(error[np.searchsorted(times, at)])
+    slices = np.array_split(np.nan_to_num(error[inside]), max(round(inside.sum() / 10), 1))
+    return {
+        "onset": _number(np.nanmax(onset)) if np.isfinite(onset).any() else None,
+        "at_found": None if found is None else _number(found),
+        "rms": [round(float(np.sqrt(np.mean(part**2))), 4) for part in slices],
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if isfinite(value) else None
+
+
+def _rebuilt(
+    view: Seen,
+    healthy: Array,
+    fault: Fault,
+    inside: NDArray[np.bool_],
+    times: Array,
+    start: float,
+) -> dict:
+    """Reconstructed signals against what the sensor would have said, while they are faulty."""
+    result = {}
+    for k, name in enumerate(JUDGED):
+        if name not in fault.signals:
+            continue
+        flagged = inside & view.flags[name]
+        off = view.rebuilt[:, k] - healthy[:, k]
+        valid = flagged & np.isfinite(off)
+        early = valid & (times < start + 1.0)
+        covered = np.abs(off[valid]) <= 1.96 * view.rebuilt_std[valid, k]
+        result[name] = {
+            "worst": float(np.abs(off[early]).max()) if early.any() else None,
+            "rms": float(np.sqrt(np.mean(off[valid] ** 2))) if valid.any() else None,
+            "valid": float(valid.sum() / flagged.sum()) if flagged.any() else None,
+            "covered": int(covered.sum()),
+            "steps": int(valid.sum()),
+        }
+    return result
