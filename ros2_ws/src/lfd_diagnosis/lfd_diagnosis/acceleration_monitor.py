@@ -10,7 +10,7 @@ and keeps it there, unless the lead seems to do the very same (then it is the ac
 
 from collections import deque
 from dataclasses import dataclass
-from math import exp, inf, isfinite, isnan, nan
+from math import exp, inf, isfinite, isnan, nan, sqrt
 
 from lfd_diagnosis.healthy_signal import LearntNoise, Repetition, Roughness
 from lfd_diagnosis.host_speed import ROUGH_TIME, HostSpeed, share_of
@@ -44,6 +44,15 @@ SHAKEN = 0.1
 ROUGH_TIME_ALONE = 1.5
 """Seconds of roughness that make a fault where nothing tells a bad road from a bad sensor."""
 
+SMOOTH = 0.3
+"""Time constant in s through which an acceleration is rebuilt from the relative one."""
+
+SLOPE_DRIFT, DRIFT_TIME = 0.12, 10.0
+"""What a road's slope makes of the difference: m/s^2 per square root of a second, for so long."""
+
+SIZE_FROM, SIZE_TO = 30, 130
+"""Steps after conviction over which the size of a jump is averaged."""
+
 SHARP, SHARP_GAP = 6, 4
 """Steps that are averaged before and after a jump, and steps between them."""
 
@@ -61,6 +70,9 @@ LEAD_MEMORY = 2.0
 
 BACK, BACK_STEPS = 0.65, 5
 """Share of a fault by which it must jump back, and for how many steps, to be over."""
+
+BLIND_STD = 0.7
+"""m/s^2 to which an acceleration is known from the lead's alone: how much that varies."""
 
 LEAST = 0.6
 """m/s^2 within which an acceleration that jumped must come back."""
@@ -100,6 +112,7 @@ class AccelerationMonitor:
         self._slow_noise = LearntNoise(0.2, 0.05, 1.0, learn, memory=2000)
         self._share = share_of(settings.host_speed_filter_time)
         self._base_share = share_of(BASELINE)
+        self._relative_share = share_of(SMOOTH)
         self._report_noise = LearntNoise(
             max(0.25, settings.lead_report_std), 0.1, 1.0, learn, memory=2000
         )
@@ -123,6 +136,7 @@ class AccelerationMonitor:
         self._lead, self._lead_slow = nan, nan
         self._lead_recent: deque[float] = deque(maxlen=BASELINE_DELAY)
         self._report_off = 0.0
+        self._relative_now = self._relative_slow = self._before = 0.0
         self._relative, self._radar_gone = 0.0, RADAR_GONE
         self._jumped_for, self._jump_sign = 0, 0.0
         self._rough_for = 0.0
@@ -133,7 +147,7 @@ class AccelerationMonitor:
         self.faulty, self.kind, self.because = False, Kind.UNKNOWN, ""
         self.confidence, self._agreeing = 0, 0.0
         self._reference = self._lead_reference = nan
-        self.size = self.size_std = nan
+        self.size = self.size_std = self._off = nan
         self._settled = 0
         self._baseline, self._recent = nan, deque[float](maxlen=BASELINE_DELAY)
         self._back_for, self._settling = 0, False
@@ -141,7 +155,10 @@ class AccelerationMonitor:
     @property
     def std(self) -> float:
         """Standard deviation in m/s^2 of `expected`."""
-        return self._slow_noise.deviation if self.speed.usable else 0.5
+        if not self.speed.usable:
+            return BLIND_STD
+        drift = SLOPE_DRIFT**2 * min(self._settled * STEP_S, DRIFT_TIME)
+        return sqrt(self._slow_noise.variance + self._step_noise.variance + drift)
 
     @property
     def expected(self) -> float:
@@ -151,7 +168,7 @@ class AccelerationMonitor:
             return self.acceleration + slope
         if isnan(self._lead_reference) or isnan(self._lead):
             return self.acceleration
-        return self._lead_reference - (self._lead - self._filtered)
+        return self._lead_reference - self._relative_slow
 
     def follow(self, horizon: Horizon) -> None:
         """Take one step's samples; afterwards `acceleration` is the best that is known."""
@@ -251,7 +268,8 @@ class AccelerationMonitor:
         if isnan(self._reference):
             self._reference = self._slope
         off = self.check.residual if self.check is not None else 0.0
-        self.size, self.size_std, self._settled = off, nan, 0
+        self.size = self._off = off
+        self.size_std, self._settled = nan, 0
         self._baseline, self._recent = nan, deque(maxlen=BASELINE_DELAY)
         self._back_for, self._settling = 0, False
         self._jumped_for = 0
@@ -330,20 +348,29 @@ class AccelerationMonitor:
     def _still_off(self, off: float) -> Check:
         """A faulty signal against what the difference was before the fault."""
         residual = off - self._reference
-        self.size += 3.0 * STEP_S * (residual - self.size)
+        self._off += 3.0 * STEP_S * (residual - self._off)
         self._settled += 1
-        if self._settled >= 50:
-            self.size_std = self._slow_noise.deviation
+        self._estimate_size(residual)
         least = LEAST if self.kind is Kind.OFFSET else self._settings.acceleration_limit
-        limit = max(0.5 * abs(self.size), least)
+        limit = max(0.5 * abs(self._off), least)
         self._follow_baseline(off)
-        step = (off - self._baseline) * (1.0 if self.size > 0 else -1.0)
-        back = step < -BACK * abs(self.size) and abs(self.size) > LEAST
+        step = (off - self._baseline) * (1.0 if self._off > 0 else -1.0)
+        back = step < -BACK * abs(self._off) and abs(self._off) > LEAST
         self._back_for = self._back_for + 1 if back else 0
         if self._back_for >= BACK_STEPS:
             # What made the fault was undone; how the slope has changed meanwhile nobody knows.
             self._settling = True
         return Check("host speed", 0.0 if self._settling else residual, limit, self.kind)
+
+    def _estimate_size(self, residual: float) -> None:
+        """Of a jump just after it, when the slope has hardly changed; of others as they are now."""
+        settled = self._settled
+        if self.kind is Kind.RAMP or settled < SIZE_FROM:
+            self.size = self._off
+        elif settled <= SIZE_TO:
+            self.size += (residual - self.size) / (settled - SIZE_FROM + 1)
+        drift = SLOPE_DRIFT**2 * min(settled * STEP_S, 1.0)
+        self.size_std = sqrt(self._step_noise.variance + drift)
 
     def _follow_lead(self, relative_acceleration: float) -> None:
         """The lead's acceleration as accelerometer and observers make it."""
@@ -358,6 +385,8 @@ class AccelerationMonitor:
             if not self._jumped_for:
                 self._relative = relative_acceleration
         now = self._relative if isnan(relative_acceleration) else relative_acceleration
+        self._relative_now = now
+        self._relative_slow += self._relative_share * (now - self._relative_slow)
         self._lead = self._filtered + now
         if not self.confidence and not self._jumped_for:
             self._lead_recent.append(self._lead)
@@ -407,12 +436,14 @@ class AccelerationMonitor:
             if not self._jumped_for:
                 recent = list(self._lead_recent)[: 2 * BASELINE_DELAY // 3]
                 self._lead_reference = sum(recent) / len(recent)
+                self._before = sum(samples[:SHARP]) / SHARP
             self._jumped_for, self._jump_sign = JUMP_MEMORY, 1.0 if jump > 0 else -1.0
         if not self._jumped_for:
             return Check("observers", jump, settings.jump_limit, Kind.OFFSET)
         self._jumped_for -= 1
         # A jump that the observers answer with the opposite one is the car's own.
-        residual = self._lead - self._lead_reference
+        now = sum(samples[-SHARP:]) / SHARP
+        residual = now - self._before + self._relative_now - self._relative
         if residual * self._jump_sign < 0.0:
             residual = 0.0
         return Check("observers", residual, 0.8 * settings.jump_limit, Kind.OFFSET)
@@ -432,7 +463,10 @@ class AccelerationMonitor:
             self._agreeing = 0.0
             return None
         residual = self._lead - self._lead_reference
-        self.size += 3.0 * STEP_S * (residual - self.size)
+        self._settled += 1
+        self._off += 3.0 * STEP_S * (residual - self._off)
+        self._estimate_size(residual)
+        self.size_std = BLIND_STD
         limit = settings.acceleration_limit if lead_report.trusted else settings.jump_limit
         return Check("observers", residual, limit, self.kind)
 

@@ -123,7 +123,7 @@ class Roughness:
 class Repetition:
     """How long a signal has said the very same number, and whether that is longer than it may."""
 
-    chance = 1e-9
+    chance = 1e-7
     """Probability below which a run of equal samples is no coincidence."""
     enough = 100
     """Samples that must be known before anything is called too long."""
@@ -143,11 +143,6 @@ class Repetition:
             return float("inf")
         share = min(max(self._equal / self._samples, 0.01), 0.99)
         return max(self._least, 2 * self._longest + 2, log(self.chance) / log(share))
-
-    @property
-    def longest(self) -> int:
-        """The longest healthy run so far."""
-        return self._longest
 
     @property
     def frozen(self) -> bool:

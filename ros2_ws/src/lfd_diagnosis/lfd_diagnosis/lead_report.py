@@ -12,6 +12,9 @@ FILTER = 0.3
 DISAGREEMENT = 1.5
 """Least difference in m/s^2 that is called one."""
 
+POSSIBLE_JERK = 15.0
+"""m/s^3 that a lead may reach."""
+
 DISAGREEING = 0.3
 """Seconds of disagreement after which what the lead says is not believed."""
 
@@ -32,6 +35,7 @@ class LeadReport:
         self._agreeing = self._disagreeing = 0.0
         self.acceleration = nan
         self.heard = False
+        self._last_at = nan
 
     @property
     def limit(self) -> float:
@@ -43,15 +47,29 @@ class LeadReport:
         """Whether `acceleration` (m/s^2) is evidence now."""
         return self.heard and not self.faulty and self._agreeing >= self._settings.requalify_time
 
+    def _check_jump(self, value: float, period: float) -> None:
+        """No car changes its acceleration as fast; what jumps is not believed, seen or not."""
+        limit = 5.0 * self._settings.lead_report_std + POSSIBLE_JERK * period
+        if abs(value - self.acceleration) > limit:
+            self._agreeing = 0.0
+            self.faulty = True
+            self.because = (
+                f"it jumped from {self.acceleration:.2f} to {value:.2f} m/s^2 (limit {limit:.2f})"
+            )
+
     def step(self, horizon: Horizon, seen: float) -> None:
         """Take one step; `seen`: the lead's acceleration in m/s^2 without it, NaN = not known."""
         settings = self._settings
         age = horizon.lead_acceleration_age
         self.heard = settings.use_lead_report and -1.0 < age <= settings.lead_report_timeout
         if not self.heard:
-            self.acceleration = self._filtered = nan
+            self.acceleration = self._filtered = self._last_at = nan
             self._agreeing = self._disagreeing = 0.0
             return
+        at = horizon.stamp * 1e-9 - age
+        if at > self._last_at + 1e-4:
+            self._check_jump(horizon.measured_lead_acceleration, at - self._last_at)
+        self._last_at = at
         self.acceleration = horizon.measured_lead_acceleration
         if isnan(seen):
             return

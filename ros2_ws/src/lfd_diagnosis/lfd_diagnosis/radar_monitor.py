@@ -93,6 +93,7 @@ class RadarMonitor:
         self._remembered: dict[int, tuple[float, LeadTrack]] = {}
         self._slow_acceleration = self._settings.lead_acceleration_mean
         self._host = 0.0
+        self._travelled_while_held = 0.0
         self._path.clear()
         for signal in self.signals:
             signal.restart()
@@ -193,6 +194,11 @@ class RadarMonitor:
             for signal, m in zip(self.signals, measured, strict=True)
         ]
         whole = clearance.new and velocity.new
+        if same[0] and self.track is not None and not self.velocity.faulty:
+            period = clearance.at - self.clearance.last_at
+            self._travelled_while_held += self.track.velocity * period
+        else:
+            self._travelled_while_held = 0.0
         if self.track is None:
             if whole:
                 self._begin(track_id, clearance, velocity)
@@ -351,9 +357,8 @@ class RadarMonitor:
 
     def _is_frozen(self, signal: RadarSignal) -> bool:
         """A value repeated for too long, or while the relative velocity says that it changed."""
-        if signal is self.clearance and signal.held_long:
-            travelled = abs(self._path.travelled_while_held)
-            return travelled > max(
+        if signal is self.clearance and signal.held:
+            return abs(self._travelled_while_held) > max(
                 HELD_PATH,
                 HELD_SIGMA * signal.noise.deviation,
                 HELD_STEPS * signal.roughness.resolution,
@@ -423,7 +428,7 @@ class RadarMonitor:
     def _explain(self, track: LeadTrack, drift: float, limit: float) -> None:
         """Clearance and relative velocity contradict each other: convict one of them."""
         path = self._path
-        held = self.clearance.held_long
+        held = self.clearance.held and abs(self._travelled_while_held) > 0.5 * abs(drift)
         wrong = path.explain(abs(drift) / limit, held)
         if wrong is None:
             return

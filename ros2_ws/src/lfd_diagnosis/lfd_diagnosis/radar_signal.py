@@ -74,9 +74,9 @@ class RadarSignal:
         return self._size if self.kind in (Kind.OFFSET, Kind.RAMP) else nan
 
     @property
-    def held_long(self) -> bool:
-        """Whether it repeats itself longer than it ever did, though maybe by coincidence."""
-        return self.repetition.run >= max(HELD_SCANS, self.repetition.longest + 1)
+    def held(self) -> bool:
+        """Whether it repeats itself for longer than a moment, though maybe by coincidence."""
+        return self.repetition.run >= HELD_SCANS
 
     def deviation(self, variance: float) -> float:
         """Standard deviation of a measurement about a prediction of that variance."""
@@ -131,7 +131,7 @@ class RadarSignal:
             return
         if self.last == 0.0 and self.repetition.run >= 3:
             self.kind = Kind.ZERO
-        elif self.held_long and self.repetition.frozen:
+        elif self.held and self.repetition.frozen:
             self.kind = Kind.HOLD
         elif self.roughness.rough and self.kind is Kind.OFFSET:
             self.kind = Kind.NOISE
@@ -195,7 +195,7 @@ class RadarSignal:
         if off or frozen or self.roughness.rough:
             self._agreeing, self._came_back = 0.0, False
             return None
-        if abs(step) > max(0.8 * self.floor, 0.4 * size):
+        if self.kind is not Kind.OFFSET and abs(step) > max(0.8 * self.floor, 0.4 * size):
             self._came_back, self._agreeing = True, 0.0
         self._agreeing += min(period, 0.2)
         needed = clear_time * (NOISE_CLEARS if self.kind is Kind.NOISE else 1.0)

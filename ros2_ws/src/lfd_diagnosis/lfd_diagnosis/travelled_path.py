@@ -54,7 +54,6 @@ class TravelledPath:
         self._points: deque[tuple[float, float, float]] = deque()
         self._then = -inf
         self.clearance = self.velocity = nan
-        self.travelled_while_held = 0.0
 
     @property
     def explainable(self) -> bool:
@@ -74,8 +73,6 @@ class TravelledPath:
         else:
             travelled = 0.5 * (velocity + self.velocity) * period
             points.append((at, points[-1][1] + clearance - self.clearance - travelled, step))
-            held = clearance == self.clearance
-            self.travelled_while_held = self.travelled_while_held + travelled if held else 0.0
             while at - points[0][0] > self._settings.drift_window + 1.0:
                 points.popleft()
         self._then, self.clearance, self.velocity = at, clearance, velocity
