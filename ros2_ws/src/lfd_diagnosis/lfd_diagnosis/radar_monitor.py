@@ -22,7 +22,7 @@ LEARNING = 40.0
 CORRELATION = 3.0
 """Seconds over which the lead's acceleration is known when it is not measured."""
 
-SLOW, SLOW_STD = 0.5, 0.4
+SLOW, SLOW_STD = 0.5, 0.35
 """Seconds over which the lead's acceleration is averaged before it is relied on for long, and how
 well it is known then, in m/s^2."""
 
@@ -32,13 +32,13 @@ MEMORY = 0.6
 LOST_AFTER = 1.0
 """Seconds of silence after which a target that disagrees is another one, not a fault."""
 
-VELOCITY_BIAS = 0.05
+VELOCITY_BIAS = 0.02
 """m/s by which the relative velocity may be off for good; a coasted clearance drifts with it."""
 
 GRADUAL = 0.6
 """Share of its limit that a residual has before a fault that came on gradually."""
 
-HELD_PATH, HELD_SIGMA, HELD_STEPS = 0.3, 4.0, 1.5
+HELD_PATH, HELD_SIGMA, HELD_STEPS = 0.3, 4.0, 3.0
 """What must have been travelled while the clearance repeats itself: m, deviations of its noise, and
 steps of its resolution."""
 
@@ -290,8 +290,8 @@ class RadarMonitor:
         wide, sigma = self._widening(), self._settings.gate_sigma
         c, v = self.clearance.deviation(track.cc), self.velocity.deviation(track.vv)
         return (
-            wide * max(self.clearance.floor, sigma * c),
-            wide * max(self.velocity.floor, sigma * v),
+            wide * max(self.clearance.least, sigma * c),
+            wide * max(self.velocity.least, sigma * v),
         )
 
     def _judge(self, track: LeadTrack, measured: tuple[Measured, Measured], repeated: bool) -> None:
@@ -419,9 +419,10 @@ class RadarMonitor:
         clearance, velocity = self.signals
         if velocity.bad or (clearance.bad and not self._is_gradual()):
             return
-        path, wide = self._path, self._widening()
+        path = self._path
+        limit = path.limit(self._widening(), clearance.resolution)
         path.follow(measured[0].at, measured[0].value, measured[1].value, velocity.residual)
-        drift, limit = path.drift(wide), path.limit(wide)
+        drift = path.drift(limit)
         if self._settings.check_drift and abs(drift) > limit and path.explainable:
             self._explain(track, drift, limit)
 

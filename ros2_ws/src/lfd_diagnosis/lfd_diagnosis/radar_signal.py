@@ -2,7 +2,7 @@
 
 from collections import deque
 from dataclasses import dataclass, field
-from math import inf, nan, sqrt
+from math import inf, isfinite, nan, sqrt
 from statistics import median
 
 from lfd_diagnosis.healthy_signal import LearntNoise, Repetition, Roughness
@@ -20,6 +20,9 @@ SIZE_TIME = 0.3
 
 TOLERANCE = 0.3
 """Share of a jump by which the jump back may differ from it."""
+
+STEPS = 1.5
+"""Steps of its resolution that a signal may be off from its prediction."""
 
 HELD_SCANS = 6
 """Equal scans below which nothing is thought of it."""
@@ -72,6 +75,17 @@ class RadarSignal:
     def size(self) -> float:
         """How far a faulty signal is off; NaN where that says nothing."""
         return self._size if self.kind in (Kind.OFFSET, Kind.RAMP) else nan
+
+    @property
+    def least(self) -> float:
+        """Least limit: a coarse sensor may be off by its resolution, and some noise."""
+        return max(self.floor, STEPS * self.resolution)
+
+    @property
+    def resolution(self) -> float:
+        """Its resolution as far as known, else 0."""
+        resolution = self.roughness.resolution
+        return resolution if isfinite(resolution) else 0.0
 
     @property
     def held(self) -> bool:
@@ -146,6 +160,7 @@ class RadarSignal:
             return False
         offset = sum(self._first) / len(self._first)
         tolerance = max(TOLERANCE * abs(offset), 0.5 * self.floor, 4.0 * self.noise.deviation)
+        tolerance += self.resolution
         if self._returning:
             self._returning = False
             if abs(step) < tolerance:

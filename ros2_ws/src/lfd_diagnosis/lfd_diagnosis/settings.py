@@ -42,7 +42,7 @@ class RadarChecks(Settings):
         le=1000.0,
     )
     coasting_jerk_density: float = setting(
-        0.3,
+        0.15,
         "m^2/s^5",
         "the same while the relative velocity is not believed and the track coasts",
         ROBUST,

@@ -28,6 +28,9 @@ STEP_SEARCH, STEP_SHARE = 0.3, 0.6
 DOUBT, PATIENCE = 0.75, 1.6
 """Ratio of two explanations' errors above which neither is clearly better, and limits to wait."""
 
+STEPS = 2.5
+"""Steps of the clearance's resolution that a drift may seem to have."""
+
 SIGMA = 5.0
 """Learnt standard deviations of the drift that make its limit."""
 
@@ -60,9 +63,10 @@ class TravelledPath:
         """Whether the path is long enough to say who is wrong."""
         return len(self._points) >= LEAST_POINTS
 
-    def limit(self, widening: float) -> float:
-        """Drift in m beyond which the two contradict each other."""
-        return widening * max(self._settings.drift_limit, SIGMA * self._noise.deviation)
+    def limit(self, widening: float, resolution: float) -> float:
+        """Drift in m beyond which the two contradict each other, the clearance in such steps."""
+        least = max(self._settings.drift_limit, STEPS * resolution)
+        return widening * max(least, SIGMA * self._noise.deviation)
 
     def follow(self, at: float, clearance: float, velocity: float, step: float) -> None:
         """Take one scan; `step`: how far its velocity was off from its prediction, in m/s."""
@@ -77,7 +81,7 @@ class TravelledPath:
                 points.popleft()
         self._then, self.clearance, self.velocity = at, clearance, velocity
 
-    def drift(self, widening: float) -> float:
+    def drift(self, limit: float) -> float:
         """How far the two have come apart over the window in m; 0 while the path is short."""
         points = self._points
         if not points or points[-1][0] - points[0][0] < LEAST_TIME:
@@ -88,7 +92,7 @@ class TravelledPath:
         old = [off for t, off, _ in points if start <= t <= start + MEAN]
         drift = sum(new) / len(new) - sum(old) / len(old)
         # What is nearly a contradiction is not learnt as healthy.
-        if abs(drift) <= 0.6 * self.limit(widening):
+        if abs(drift) <= 0.6 * limit:
             self._noise.take(drift, 0.0)
         return drift
 
