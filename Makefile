@@ -19,7 +19,7 @@ replay: setup
 	@./run lfd_bringup replay --drive '$(DRIVE)' --fault '$(FAULT)' --rate '$(RATE)' --profile '$(PROFILE)' --out out/replay
 
 evaluate: setup
-	@./run lfd_replay paper_evaluation --out out/evaluate --recorded '$(RECORDED)' --profile '$(PROFILE)' $(if $(filter-out 0,$(FULL)),--full)
+	@./run lfd_replay paper_evaluation --out out/evaluate --recorded '$(RECORDED)' $(if $(filter-out 0,$(FULL)),--full)
 
 test: setup
 	@tools/test

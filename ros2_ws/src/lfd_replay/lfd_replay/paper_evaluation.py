@@ -20,7 +20,7 @@ from lfd_replay.evaluation import summary
 from lfd_replay.evaluation.campaign import evaluate_paper, full, plain
 from lfd_replay.evaluation.cases import RECORDED
 from lfd_replay.evaluation.page import write_evaluation_page
-from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, graph_settings
+from lfd_replay.profiles import graph_settings
 from lfd_replay.text_file import write_text
 
 
@@ -36,11 +36,6 @@ def main_paper_evaluation(arguments: list[str]) -> int:
     """The command line of `paper_evaluation`."""
     parser = argparse.ArgumentParser(prog="paper_evaluation", description=__doc__)
     parser.add_argument("--full", action="store_true", help="every size, kind, drive and start")
-    parser.add_argument(
-        "--profile",
-        default=DEFAULT_PROFILE,
-        help=f"one of: {', '.join(PROFILES)} (default: %(default)s)",
-    )
     parser.add_argument("--params", type=Path, metavar="FILE.yaml", help="ROS parameter file")
     parser.add_argument(
         "--recorded",
@@ -60,7 +55,7 @@ def main_paper_evaluation(arguments: list[str]) -> int:
         raise UserError(f"--jobs {options.jobs}: 1 or more is expected")
 
     size = full() if options.full else plain()
-    settings = graph_settings(options.profile, options.params)
+    settings = graph_settings("paper", options.params)
     recorded = recorded_drive(options.recorded)
     started = time.perf_counter()
     console = Console(stderr=True)
@@ -85,9 +80,11 @@ def main_paper_evaluation(arguments: list[str]) -> int:
             found, recorded, options.out, pool, lambda: progress.advance(bar)
         )
     elapsed = time.perf_counter() - started
-    result = summary.summary(found, options.profile, options.full, elapsed)
+    result = summary.summary(found, "paper", options.full, elapsed)
     write_text(options.out / "summary.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
     for title, columns_of, rows in summary.tables(found):
+        if not rows:
+            continue
         table = Table(*columns_of, title=title, title_justify="left")
         for row in rows:
             table.add_row(*row)

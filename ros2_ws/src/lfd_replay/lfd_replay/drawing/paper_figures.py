@@ -214,7 +214,8 @@ def detector_curves(rows: list[dict], figure: str) -> Figure:
         else ("delay_s", "delay_low_s", "delay_high_s")
     )
     offsets = [r for r in rows if r["kind"] == "offset" and len(r["injected"]) == 1]
-    names = list(dict.fromkeys(row["name"] for row in offsets))
+    # Those set to equal false events are in the table.
+    names = list(dict.fromkeys(r["name"] for r in offsets if not r["name"].endswith(" false")))
     panels = []
     for signal in INDEXED:
         marks: list = []
@@ -269,6 +270,8 @@ def confusion_figure(matrices: dict[str, dict[str, dict[str, int]]]) -> Figure:
     """Fault injected against fault reported, in windows, for each detector."""
     panels = []
     for name, matrix in matrices.items():
+        if name.endswith(" false"):
+            continue
         counts = np.array([list(row.values()) for row in matrix.values()], dtype=float)
         total = counts.sum(axis=1, keepdims=True)
         panels.append(

@@ -26,7 +26,7 @@ from lfd_replay.evaluation.comparison import (
     normal_scales,
     record_normal,
 )
-from lfd_replay.evaluation.detectors import PUBLISHED, Choice
+from lfd_replay.evaluation.detectors import EQUAL_EVENTS, PUBLISHED, Choice, at_equal
 from lfd_replay.evaluation.fault_windows import (
     PAPER,
     PAPER_COMBINATIONS,
@@ -36,8 +36,10 @@ from lfd_replay.evaluation.fault_windows import (
 )
 from lfd_replay.evaluation.journal import Journal, Task, run_tasks
 from lfd_replay.evaluation.normal_driving import IndexStatistics, index_statistics
+from lfd_replay.evaluation.requirements.campaign import Requirements, count_runs, measure
+from lfd_replay.evaluation.requirements.plan import Extent, full_extent, plain_extent
 from lfd_replay.evaluation.trace import load_trace
-from lfd_replay.evaluation.variants import variants
+from lfd_replay.evaluation.variants import LINEAR, SINGLE, variants
 from lfd_replay.generated.lead_profiles import NORMAL
 from lfd_replay.profiles import GraphSettings
 
@@ -55,6 +57,7 @@ class Size:
     offset_drives: tuple[str, ...]
     other_drives: tuple[str, ...]
     parts: bool
+    extent: Extent
 
     def drives_of(self, cell: Cell | None) -> tuple[str, ...]:
         """The normal drives that a cell's faults are injected into."""
@@ -69,7 +72,7 @@ class Size:
     def tasks(self) -> int:
         """Upper estimate of the number of tasks, for the progress bar."""
         cells = sum(len(self.drives_of(cell)) for cell in (None, *self.cells))
-        return 13 * (self.starts + 1) + 6 * len(self.normal) + cells
+        return 13 * (self.starts + 1) + 6 * len(self.normal) + cells + count_runs(self.extent)
 
 
 def plain() -> Size:
@@ -81,6 +84,7 @@ def plain() -> Size:
         offset_drives=NORMAL[6::14],
         other_drives=NORMAL[6::14],
         parts=False,
+        extent=plain_extent(),
     )
 
 
@@ -93,6 +97,7 @@ def full() -> Size:
         offset_drives=NORMAL,
         other_drives=NORMAL[::3],
         parts=True,
+        extent=full_extent(),
     )
 
 
@@ -107,6 +112,7 @@ class Evaluation:
     chosen: dict[str, dict[str, Choice]]
     rows: list[dict]
     confusion: dict[str, dict[str, dict[str, int]]]
+    requirements: Requirements
 
 
 def evaluate_paper(
@@ -162,10 +168,10 @@ def evaluate_paper(
 
     allowed = round(sum(hours.values()) * FALSE_EVENTS_PER_HOUR)
     chosen = _choose(run, settings, scales, files, tag, allowed)
-    plain_choice = {
-        name: {signal: choice.setting for signal, choice in by_signal.items()}
-        for name, by_signal in chosen.items()
-    }
+    plain_choice: dict[str, dict[str, dict[str, float]]] = {}
+    for label, by_signal in chosen.items():
+        values = {signal: choice.setting for signal, choice in by_signal.items()}
+        plain_choice.setdefault(label.partition(", ")[0], {})[label] = values
     judged = _digest(plain_choice, scales.__dict__) + tag
     cells: list[Cell | None] = [None, *size.cells]
     compared = run(
@@ -191,7 +197,8 @@ def evaluate_paper(
             for result in own
         ]
     )
-    return Evaluation(settings, size, summarised, normal, chosen, rows, matrix)
+    requirements = measure(size.extent, recorded, run)
+    return Evaluation(settings, size, summarised, normal, chosen, rows, matrix, requirements)
 
 
 def _choose(
@@ -205,12 +212,13 @@ def _choose(
     """Each detector's settings, from its false events on the normal drives."""
     found = detectors(settings, scales)
     learnt = _digest(scales.__dict__) + tag
+    most = max(allowed, *EQUAL_EVENTS)
     counted = run(
         [
             Task(
-                f"count/{detector.name}/{name}/{allowed}/{learnt}",
+                f"count/{detector.name}/{name}/{most}/{learnt}",
                 count_normal,
-                (number, own[detector.variant], settings, scales, allowed),
+                (number, own[detector.variant], settings, scales, most),
             )
             for number, detector in enumerate(found)
             for name, own in files.items()
@@ -219,7 +227,12 @@ def _choose(
     results = list(counted.values())
     drives = len(files)
     counts = [results[k * drives : (k + 1) * drives] for k in range(len(found))]
-    return choose_settings(found, counts, allowed)
+    chosen = choose_settings(found, counts, allowed)
+    for events in EQUAL_EVENTS:
+        for name, choice in choose_settings(found, counts, events).items():
+            if name not in (SINGLE, LINEAR):
+                chosen[at_equal(name, events)] = choice
+    return chosen
 
 
 def _is_paper_size(cell: Cell) -> bool:

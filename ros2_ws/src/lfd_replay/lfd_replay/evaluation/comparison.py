@@ -13,6 +13,7 @@ from lfd_replay.evaluation.cases import load_drive
 from lfd_replay.evaluation.cusum import Cusum, residuals
 from lfd_replay.evaluation.detectors import (
     PUBLISHED,
+    ROBUST,
     Choice,
     CountedIndex,
     Detector,
@@ -26,7 +27,7 @@ from lfd_replay.evaluation.statistics import median, rate
 from lfd_replay.evaluation.trace import JUDGED, Trace, load_trace
 from lfd_replay.evaluation.variants import trace_variants, variants
 from lfd_replay.faults import Fault, FaultInjector, truth_windows
-from lfd_replay.profiles import GraphSettings
+from lfd_replay.profiles import GraphSettings, graph_settings
 from lfd_replay.score import find_windows, inside
 
 Array = NDArray[np.float64]
@@ -131,13 +132,13 @@ def compare_on(
     seed: int,
     settings: GraphSettings,
     scales: NormalScales,
-    chosen: dict[str, dict[str, float]],
+    chosen: dict[str, dict[str, dict[str, float]]],
     with_variants: bool,
 ) -> dict:
     """Faults of one cell on one normal drive: what every detector makes of each window.
 
-    Without a cell nothing is injected, and windows are looked at all the same. `chosen`: settings
-    by detector and signal.
+    Without a cell nothing is injected, and windows are looked at all the same. `chosen`: by
+    detector, under which name it is set to what for each signal.
     """
     drive = load_drive(name, None, seed)
     faults = [] if cell is None else cell.faults(name, seed, drive.duration)
@@ -149,23 +150,20 @@ def compare_on(
     compared = detectors(settings, scales, with_variants)
     needed = {detector.variant for detector in compared}
     chosen_variants = {k: v for k, v in variants(settings).items() if k in needed}
+    chosen_variants[ROBUST] = graph_settings("robust")
     traces = trace_variants(chosen_variants, samples, drive.zero)
     result = {}
     for detector in compared:
         trace = traces[detector.variant]
         scores = detector.scores(trace)
-        result[detector.name] = _judge(
-            trace,
-            {s: detector.flags(s, scores[s], chosen[detector.name][s]) for s in JUDGED},
-            cell,
-            faults,
-            starts,
-        )
-    trace = traces[PUBLISHED]
+        for label, by_signal in chosen[detector.name].items():
+            flags = {s: detector.flags(s, scores[s], by_signal[s]) for s in JUDGED}
+            result[label] = _judge(trace, flags, cell, faults, starts)
     # A sensor that says nothing is reported as such; everything else is reported as a fault.
     said = [State.FAULT, *([State.NO_DATA] if cell and cell.kind == "dropout" else [])]
-    flags = {signal: np.isin(trace.state(signal), said) for signal in JUDGED}
-    result[AS_PUBLISHED] = _judge(trace, flags, cell, faults, starts)
+    for label, trace in ((AS_PUBLISHED, traces[PUBLISHED]), (ROBUST, traces[ROBUST])):
+        flags = {signal: np.isin(trace.state(signal), said) for signal in JUDGED}
+        result[label] = _judge(trace, flags, cell, faults, starts)
     return result
 
 

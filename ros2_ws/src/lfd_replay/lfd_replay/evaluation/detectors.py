@@ -18,7 +18,18 @@ from lfd_replay.score import intervals
 Array = NDArray[np.float64]
 
 PUBLISHED = "paper"
-"""The trace of the profile as it is; other names are those of its variants."""
+"""The trace of the paper profile as it is; other names are those of its variants."""
+
+ROBUST = "robust profile"
+"""The robust profile as it is: it has nothing to be set."""
+
+EQUAL_EVENTS = (0, 3)
+"""False events in all, on the normal drives, at which others are held against it."""
+
+
+def at_equal(name: str, events: int) -> str:
+    """Name of a detector that is set to so many false events."""
+    return f"{name}, {events} false"
 
 
 class Detector(ABC):

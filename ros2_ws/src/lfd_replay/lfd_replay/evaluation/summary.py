@@ -6,9 +6,11 @@ from lfd_diagnosis.verdict import SIGNALS
 from lfd_replay.evaluation.campaign import Evaluation
 from lfd_replay.evaluation.cases import RECORDED
 from lfd_replay.evaluation.comparison import AS_PUBLISHED
-from lfd_replay.evaluation.detectors import PUBLISHED
+from lfd_replay.evaluation.detectors import PUBLISHED, ROBUST
 from lfd_replay.evaluation.normal_driving import IndexStatistics
+from lfd_replay.evaluation.requirements.judge import Finding
 from lfd_replay.evaluation.trace import JUDGED
+from lfd_replay.profiles import PROFILES
 
 Rows = list[tuple[str, ...]]
 
@@ -44,6 +46,10 @@ def summary(evaluation: Evaluation, profile: str, complete: bool, elapsed: float
         },
         "detectors": evaluation.rows,
         "confusion": evaluation.confusion,
+        "requirements": [f.as_dict() for f in evaluation.requirements.findings],
+        "v2v": [f.as_dict() for f in evaluation.requirements.v2v],
+        "kinds": evaluation.requirements.kinds,
+        "mechanisms": evaluation.requirements.ablation,
     }
 
 
@@ -136,7 +142,7 @@ def detector_table_rows(evaluation: Evaluation) -> Rows:
     """Every cell of one signal, every detector."""
     rows: Rows = []
     for row in evaluation.rows:
-        if len(row["injected"]) > 1:
+        if len(row["injected"]) > 1 or row["name"].endswith(" false"):
             continue
         delay = row["delay_s"]
         rows.append(
@@ -178,12 +184,141 @@ def confusion_rows(evaluation: Evaluation) -> tuple[tuple[str, ...], Rows]:
     ]
 
 
+REQUIREMENT_COLUMNS = ("what", "figure", "target", "robust", "met", "paper", "met")
+
+
+def requirement_rows(found: list[Finding]) -> Rows:
+    """Every finding, both profiles side by side."""
+    both: dict[tuple[str, str], dict[str, Finding]] = {}
+    for finding in found:
+        both.setdefault((finding.row, finding.what), {})[finding.profile] = finding
+    rows: Rows = []
+    for (row, what), by_profile in both.items():
+        target = next(iter(by_profile.values())).target
+        cells = [c for p in PROFILES for c in _told(by_profile.get(p))]
+        rows.append((row, what, target, *cells))
+    return rows
+
+
+def _told(finding: Finding | None) -> tuple[str, str]:
+    if finding is None:
+        return "-", ""
+    return finding.value, {True: "yes", False: "NO", None: ""}[finding.met]
+
+
+V2V_COLUMNS = ("what", "figure", "robust")
+
+
+def v2v_table(found: list[Finding]) -> Rows:
+    """What the lead's word gains."""
+    return [(finding.row, finding.what, finding.value) for finding in found]
+
+
+KIND_COLUMNS = ("signal", "injected", "named")
+
+
+def kind_rows(kinds: dict[str, dict[str, dict[str, int]]]) -> Rows:
+    """Kind injected against kind named, in windows."""
+    return [
+        (signal, injected, ", ".join(f"{count} {name}" for name, count in named.items()))
+        for signal, by_kind in kinds.items()
+        for injected, named in by_kind.items()
+    ]
+
+
+MECHANISM_COLUMNS = ("switched off", "on", "found", "blamed", "late clear", "false", "ready")
+
+
+def mechanism_rows(ablation: dict[str, dict[str, dict[str, float]]]) -> Rows:
+    """What each mechanism contributes: only where something differs from the profile as it is."""
+    rows: Rows = []
+    reference = ablation.get("as it is", {})
+    for name, groups in ablation.items():
+        for title, figures in groups.items():
+            if name != "as it is" and figures == reference[title]:
+                continue
+            rows.append(
+                (
+                    name,
+                    title,
+                    f"{figures['found']:.1%} of {figures['signals']}",
+                    f"{figures['blamed']}",
+                    f"{figures['stuck']}",
+                    f"{figures['false']}",
+                    f"{figures['ready']:.1%}",
+                )
+            )
+    return rows
+
+
+EQUAL_COLUMNS = ("fault", "size", "against", "found", "robust found", "delay", "robust", "worse in")
+
+
+def equal_rows(rows_of_cells: list[dict]) -> Rows:
+    """The robust profile against each detector set to equal false events."""
+    keyed: dict[tuple, dict[str, dict]] = {}
+    for row in rows_of_cells:
+        key = row["kind"], row["signal"], row["size"], tuple(row["injected"])
+        keyed.setdefault(key, {})[row["name"]] = row
+    table: Rows = []
+    for (kind, signal, size, injected), by_name in keyed.items():
+        robust = by_name.get(ROBUST)
+        if robust is None:
+            continue
+        for name, row in by_name.items():
+            if not name.endswith(" false"):
+                continue
+            with_others = f" of {len(injected)} faulty" if len(injected) > 1 else ""
+            table.append(
+                (
+                    f"{kind} {signal}{with_others}",
+                    "" if size is None else f"{size:g}",
+                    name,
+                    f"{row['detected']:.0%}",
+                    f"{robust['detected']:.0%}",
+                    _milliseconds(row["delay_s"]),
+                    _milliseconds(robust["delay_s"]),
+                    worse_in(robust, row),
+                )
+            )
+    return table
+
+
+SCAN_S = 0.05
+"""One scan of the radar, in s: the margin of a median delay."""
+
+
+def worse_in(robust: dict, other: dict) -> str:
+    """In what the robust profile is worse: rate beyond its interval, delay by over a scan."""
+    worse = []
+    if robust["detected_high"] < other["detected"]:
+        worse.append("rate")
+    both = robust["delay_s"] is not None and other["delay_s"] is not None
+    if both and robust["delay_s"] > other["delay_s"] + SCAN_S:
+        worse.append("delay")
+    return ", ".join(worse)
+
+
+def _milliseconds(delay: float | None) -> str:
+    return "-" if delay is None else f"{delay * 1000:.0f} ms"
+
+
 def tables(found: Evaluation) -> list[tuple[str, tuple[str, ...], Rows]]:
     """Title, columns and rows of every table, the most important one last."""
+    requirements = found.requirements
     return [
         ("Every fault, every detector", DETECTOR_COLUMNS, detector_table_rows(found)),
         ("Settings with equal false events", SETTING_COLUMNS, setting_rows(found)),
         ("Injected against reported, paper profile", *confusion_rows(found)),
         ("Table 1: indices on normal drives", NORMAL_COLUMNS, normal_rows(found)),
         ("Table 3", CASE_COLUMNS, case_rows(found)),
+        ("Robust against others, equal false events", EQUAL_COLUMNS, equal_rows(found.rows)),
+        ("Kinds of fault, robust", KIND_COLUMNS, kind_rows(requirements.kinds)),
+        ("The lead's word (V2V), robust", V2V_COLUMNS, v2v_table(requirements.v2v)),
+        ("Mechanisms", MECHANISM_COLUMNS, mechanism_rows(requirements.ablation)),
+        (
+            "What must show, both profiles",
+            REQUIREMENT_COLUMNS,
+            requirement_rows(requirements.findings),
+        ),
     ]

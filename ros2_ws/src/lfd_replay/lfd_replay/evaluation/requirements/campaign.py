@@ -248,6 +248,28 @@ class Requirements:
     ablation: dict[str, dict[str, dict[str, float]]]
 
 
+def _ablated(extent: Extent, recorded: bool) -> dict[tuple[str, str], list[Run]]:
+    """Runs by mechanism and group."""
+    if not extent.ablation:
+        return {}
+    return {
+        (name, title): [
+            replace(run, changes=changes, lead="the truth" if "V2V" in name else "nothing")
+            for run in runs
+            if "V2V" not in name or run.drive != NEAREST
+        ]
+        for name, changes in MECHANISMS.items()
+        for title, runs in ablation_runs(extent, recorded).items()
+    }
+
+
+def count_runs(extent: Extent) -> int:
+    """How many runs there are, the recorded drive's included."""
+    chosen = [run for row in (*rows(extent, True), *v2v_rows(extent)) for run in row.runs]
+    chosen += [run for runs in _ablated(extent, True).values() for run in runs]
+    return len({run.key for run in chosen})
+
+
 def measure(
     extent: Extent,
     recorded: Path | None,
@@ -255,17 +277,7 @@ def measure(
 ) -> Requirements:
     """Run and judge everything."""
     table, v2v = rows(extent, recorded is not None), v2v_rows(extent)
-    mechanisms = MECHANISMS if extent.ablation else {}
-    groups = ablation_runs(extent, recorded is not None) if mechanisms else {}
-    ablated = {
-        (name, title): [
-            replace(run, changes=changes, lead="the truth" if "V2V" in name else "nothing")
-            for run in runs
-            if "V2V" not in name or run.drive != NEAREST
-        ]
-        for name, changes in mechanisms.items()
-        for title, runs in groups.items()
-    }
+    ablated = _ablated(extent, recorded is not None)
     everything = [run for row in (*table, *v2v) for run in row.runs]
     everything += [run for runs in ablated.values() for run in runs]
     unique = {run.key: run for run in everything}

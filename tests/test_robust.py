@@ -1,0 +1,448 @@
+"""The robust profile without ROS: what it says to each input, at, below and above its limits."""
+
+from dataclasses import replace
+from math import isnan, nan
+from random import Random
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from test_observer import make_horizon
+
+from lfd_diagnosis.healthy_signal import LearntNoise, Repetition, Roughness
+from lfd_diagnosis.lead_track import LeadTrack
+from lfd_diagnosis.robust_diagnosis import RobustDiagnosis
+from lfd_diagnosis.settings import DiagnosisSettings
+from lfd_diagnosis.verdict import Kind, Outcome, State
+from lfd_observer.bank import ObserverBank
+from lfd_observer.settings import BankSettings
+
+SCAN = 5
+"""Steps between two scans."""
+
+
+class Car:
+    """A car behind a lead: radar at 20 Hz, everything else at 100 Hz, a little noise on all."""
+
+    def __init__(self, host_speed: bool = True, lead: bool = False, **settings) -> None:
+        self.diagnosis = RobustDiagnosis(DiagnosisSettings(**settings))
+        self.bank = ObserverBank(BankSettings())
+        self.random = np.random.default_rng(1)
+        self.number = 0
+        self.host_speed, self.lead = host_speed, lead
+        self.clearance, self.velocity, self.speed = 30.0, 0.0, 15.0
+        self.lead_acceleration = 0.0
+        self.track_id = 1
+        self.seen: tuple[float, float] = 30.0, 0.0
+        self.scanned = -1
+        self.outcomes: list[Outcome] = []
+
+    def step(self, **faults: float) -> Outcome:
+        """One step; `faults`: added to a signal, or `NAME_is` to put in its place."""
+        self.number += 1
+        self.velocity += 0.01 * self.lead_acceleration
+        self.clearance += 0.01 * self.velocity
+        noise = self.random.normal(size=5).tolist()
+        now = {
+            "clearance": self.clearance + 0.05 * noise[0],
+            "relative_velocity": self.velocity + 0.03 * noise[1],
+            "acceleration": 0.08 * noise[2],
+            "host_speed": self.speed + 0.01 * noise[3],
+            "lead_acceleration": self.lead_acceleration + 0.1 * noise[4],
+        }
+        for name in now:
+            now[name] = faults.get(f"{name}_is", now[name] + faults.get(name, 0.0))
+        if self.number % SCAN == 1:
+            self.seen, self.scanned = (now["clearance"], now["relative_velocity"]), self.number
+        age = 0.01 * (self.number - self.scanned)
+        clearance, velocity = self.seen
+        fields = {
+            "measured_clearance": clearance,
+            "measured_relative_velocity": velocity,
+            "clearance": clearance + velocity * age,
+            "velocity": velocity,
+            "clearance_age": age,
+            "relative_velocity_age": age,
+            "track_id": self.track_id,
+            "acceleration": now["acceleration"],
+            "measured_acceleration": now["acceleration"],
+            "measured_host_speed": now["host_speed"] if self.host_speed else nan,
+            "host_speed_age": 0.0 if self.host_speed else nan,
+            "host_speed_stale": not self.host_speed,
+        }
+        if self.lead:
+            fields |= {
+                "measured_lead_acceleration": now["lead_acceleration"],
+                "lead_acceleration_age": 0.05,
+                "lead_acceleration_stale": False,
+            }
+        horizon = make_horizon(self.number, **fields)
+        self.outcomes.append(self.diagnosis.step(horizon, self.bank.step(horizon)))
+        return self.outcomes[-1]
+
+    def drive(self, seconds: float, **faults: float) -> Outcome:
+        """Many steps alike; returns the last outcome."""
+        for _ in range(round(seconds * 100)):
+            outcome = self.step(**faults)
+        return outcome
+
+    def faults_since(self, number: int) -> set[str]:
+        """Names of everything that was called faulty after that many steps."""
+        return {
+            event.signal
+            for outcome in self.outcomes[number:]
+            for event in outcome.events
+            if event.fault.state == State.FAULT
+        }
+
+    def delay(self, name: str, since: int) -> float:
+        """Seconds from a step to the first verdict of FAULT."""
+        for k, outcome in enumerate(self.outcomes[since:]):
+            if getattr(outcome.report, name).state == State.FAULT:
+                return 0.01 * k
+        raise AssertionError(f"{name} was never faulty")
+
+
+@pytest.fixture
+def car() -> Car:
+    made = Car()
+    report = made.drive(12.0).report
+    assert {report.clearance.state, report.radar.state, report.acceleration.state} == {State.OK}
+    assert report.host_speed.state == State.OK
+    assert not made.faults_since(0)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("fault", "name", "size"),
+    [
+        ({"clearance": 2.0}, "clearance", 2.0),
+        ({"clearance": -4.0}, "clearance", -4.0),
+        ({"relative_velocity": 2.0}, "relative_velocity", 2.0),
+        ({"relative_velocity": -10.0}, "relative_velocity", -10.0),
+        ({"acceleration": 1.5}, "acceleration", 1.5),
+        ({"acceleration": -4.0}, "acceleration", -4.0),
+    ],
+)
+def test_an_offset_of_one_signal_is_named_sized_and_over_with_it(car, fault, name, size) -> None:
+    start = car.number
+    verdict = getattr(car.drive(4.0, **fault).report, name)
+    assert car.faults_since(start) - {"radar"} == {name}
+    assert car.delay(name, start) <= (0.3 if name == "acceleration" else 0.13)
+    assert verdict.state == State.FAULT and verdict.kind == Kind.OFFSET
+    assert verdict.size == pytest.approx(size, rel=0.2)
+    assert "limit" in verdict.reason and "offset by" in verdict.reason
+    end = car.number
+    assert getattr(car.drive(1.5).report, name).state == State.OK
+    assert not car.faults_since(end)
+
+
+def test_radar_and_acceleration_at_once_are_all_named(car: Car) -> None:
+    start = car.number
+    car.drive(6.0, clearance=4.0, relative_velocity=-10.0, acceleration=4.0)
+    assert car.faults_since(start) == {"clearance", "relative_velocity", "radar", "acceleration"}
+    end = car.number
+    report = car.drive(1.5).report
+    assert {report.radar.state, report.acceleration.state} == {State.OK}
+    assert not car.faults_since(end)
+
+
+@pytest.mark.parametrize(("off", "expected"), [(0.85, State.OK), (1.3, State.SUSPECT)])
+def test_a_scan_counts_above_its_limit_only_and_alone_is_an_outlier(car, off, expected) -> None:
+    while car.number % SCAN:
+        car.step()
+    verdict = car.step(clearance=off).report.clearance
+    assert verdict.state == expected
+    assert (verdict.index > verdict.threshold) is (expected == State.SUSPECT)
+    start = car.number
+    verdict = car.drive(2.0).report.clearance
+    assert verdict.state == State.OK and not car.faults_since(start)
+    assert ("1 single outliers" in verdict.reason) is (expected == State.SUSPECT)
+
+
+def test_a_lead_that_brakes_hard_is_nobodys_fault(car: Car) -> None:
+    start = car.number
+    car.lead_acceleration = -8.0
+    car.drive(1.2)
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize(
+    ("signal", "kind"),
+    [("clearance", Kind.HOLD), ("relative_velocity", Kind.HOLD), ("acceleration", Kind.ZERO)],
+)
+def test_a_signal_that_repeats_itself_is_named(car: Car, signal: str, kind: Kind) -> None:
+    car.lead_acceleration = 1.0
+    car.drive(1.0)
+    car.lead_acceleration = 0.0
+    car.drive(1.0)
+    start = car.number
+    value = 0.0 if kind == Kind.ZERO else {"clearance": car.clearance, "relative_velocity": 1.0}
+    held = value if isinstance(value, float) else value[signal]
+    report = car.drive(2.0, **{f"{signal}_is": held}).report
+    assert car.faults_since(start) - {"radar"} == {signal}
+    assert getattr(report, signal).kind == kind
+
+
+def test_noise_of_one_sensor_is_a_fault_and_a_bad_road_is_none(car: Car) -> None:
+    random = Random(2)
+    start = car.number
+    for _ in range(150):
+        car.step(acceleration=random.gauss(0.0, 0.9), host_speed=random.gauss(0.0, 0.1))
+    assert not car.faults_since(start)
+    car.drive(3.0)
+    start = car.number
+    for _ in range(150):
+        car.step(acceleration=random.gauss(0.0, 0.9))
+    verdict = car.outcomes[-1].report.acceleration
+    assert verdict.state == State.FAULT and verdict.kind == Kind.NOISE
+
+
+@pytest.mark.parametrize("name", ["clearance", "relative_velocity"])
+def test_a_drift_is_blamed_on_the_signal_that_drifts(car: Car, name: str) -> None:
+    car.drive(5.0)
+    start = car.number
+    for k in range(400):
+        car.step(**{name: 0.5 * k * 0.01})
+    assert car.faults_since(start) - {"radar"} == {name}
+    assert getattr(car.outcomes[-1].report, name).kind == Kind.RAMP
+    assert car.delay(name, start) < 4.0
+
+
+def test_a_slope_is_no_fault(car: Car) -> None:
+    start = car.number
+    for k in range(800):
+        car.step(acceleration=0.6 * min(k / 500, 1.0))
+    assert not car.faults_since(start)
+
+
+def test_a_faulty_host_speed_is_named_and_not_used(car: Car) -> None:
+    start = car.number
+    report = car.drive(1.0, host_speed=5.0).report
+    assert report.host_speed.state == State.FAULT and "jump" in report.host_speed.reason
+    assert "host speed is not used" in report.acceleration.reason
+    assert car.faults_since(start) == {"host_speed"}
+    start = car.number
+    car.drive(0.5, host_speed=5.0, acceleration=4.0)
+    assert "acceleration" in car.faults_since(start), "the observers still tell"
+
+
+def test_without_host_speed_a_jump_of_the_acceleration_is_found() -> None:
+    car = Car(host_speed=False)
+    car.drive(8.0)
+    start = car.number
+    verdict = car.drive(2.0, acceleration=4.0).report.acceleration
+    assert car.delay("acceleration", start) <= 0.2
+    assert verdict.kind == Kind.OFFSET and "observers" in verdict.reason
+    assert car.faults_since(start) == {"acceleration"}
+
+
+def test_without_host_speed_a_cars_own_braking_is_no_fault() -> None:
+    car = Car(host_speed=False)
+    car.drive(8.0)
+    start = car.number
+    for k in range(100):
+        # The host brakes hard within 0.4 s: the relative velocity grows as it does.
+        braking = -5.0 * min(k / 40, 1.0)
+        car.velocity -= 0.01 * braking
+        car.step(acceleration=braking)
+    assert not car.faults_since(start)
+
+
+def test_the_leads_word_finds_what_nothing_else_does() -> None:
+    found = {}
+    for lead in (True, False):
+        car = Car(host_speed=False, lead=lead)
+        report = car.drive(8.0).report
+        assert report.lead_acceleration.state == (State.OK if lead else State.NO_DATA)
+        start = car.number
+        car.drive(1.0, acceleration=2.0)
+        found[lead] = car.faults_since(start)
+    assert found == {True: {"acceleration"}, False: set()}
+
+
+@pytest.mark.parametrize("host_speed", [True, False])
+def test_a_lie_of_the_lead_is_found_out_and_blames_no_one(host_speed: bool) -> None:
+    car = Car(host_speed=host_speed, lead=True)
+    car.drive(8.0)
+    start = car.number
+    report = car.drive(3.0, lead_acceleration=4.0).report
+    assert report.lead_acceleration.state == State.FAULT
+    assert car.faults_since(start) == {"lead_acceleration"}
+    assert report.acceleration.state == State.OK
+
+
+def test_the_lead_that_falls_silent_is_said_so() -> None:
+    car = Car(lead=True)
+    car.drive(8.0)
+    car.lead = False
+    verdict = car.step().report.lead_acceleration
+    assert verdict.state == State.NO_DATA and verdict.kind == Kind.DROPOUT
+
+
+def test_a_new_id_of_the_same_car_restarts_nothing(car: Car) -> None:
+    start = car.number
+    for track in range(2, 12):
+        car.track_id = track
+        car.drive(0.3)
+    states = {outcome.report.clearance.state for outcome in car.outcomes[start:]}
+    assert states <= {State.OK, State.SUSPECT} and not car.faults_since(start)
+
+
+def test_a_new_car_is_judged_from_its_third_scan_on(car: Car) -> None:
+    start = car.number
+    car.track_id, car.clearance = 2, 18.0
+    car.drive(0.5)
+    states = [outcome.report.clearance.state for outcome in car.outcomes[start:]]
+    assert State.NOT_READY in states and states[-1] == State.OK
+    assert states.count(State.NOT_READY) <= 2 * SCAN and not car.faults_since(start)
+
+
+def test_after_a_lost_reference_a_new_car_must_agree_for_long(car: Car) -> None:
+    car.drive(1.0, clearance=4.0)
+    car.track_id, car.clearance = 2, 60.0
+    verdict = car.drive(1.0).report.clearance
+    assert verdict.state == State.FAULT and "reference lost" in verdict.reason
+    start = car.number
+    car.drive(5.0)
+    cleared = [o.report.clearance.state for o in car.outcomes[start:]].index(State.OK)
+    assert 3.5 <= cleared * 0.01 <= 5.0
+
+
+def test_an_offset_that_can_no_longer_be_told_says_so_and_stays(car: Car) -> None:
+    verdict = car.drive(15.0, clearance=2.0, relative_velocity=-4.0).report.clearance
+    assert verdict.state == State.FAULT
+    assert "can no longer be told" in verdict.reason
+    end = car.number
+    assert car.drive(2.0).report.clearance.state == State.OK, "the jump back ends it"
+    assert not car.faults_since(end)
+
+
+def test_without_latch_agreement_alone_clears(car: Car) -> None:
+    car.diagnosis = RobustDiagnosis(DiagnosisSettings(latch=False))
+    car.drive(8.0)
+    car.drive(15.0, clearance=2.0, relative_velocity=-4.0)
+    states = {o.report.clearance.state for o in car.outcomes[-500:]}
+    assert State.OK in states
+
+
+def test_reset_forgets_faults(car: Car) -> None:
+    car.drive(1.0, clearance=4.0)
+    car.diagnosis.reset()
+    verdict = car.step(clearance=4.0).report.clearance
+    assert verdict.state == State.NOT_READY and "reset" in verdict.reason
+
+
+def test_reconstruction_stands_in_for_faulty_signals(car: Car) -> None:
+    start = car.number
+    car.drive(1.0, clearance=4.0, relative_velocity=-10.0, acceleration=4.0)
+    for outcome in car.outcomes[start + 15 :]:
+        now = outcome.reconstruction
+        assert now.clearance_valid and now.clearance == pytest.approx(car.clearance, abs=0.5)
+        assert now.relative_velocity == pytest.approx(0.0, abs=0.5)
+        assert now.acceleration == pytest.approx(0.0, abs=0.6)
+    now = car.drive(20.0, clearance=4.0, relative_velocity=-10.0).reconstruction
+    assert not now.clearance_valid and isnan(now.clearance) and "not known better" in now.reason
+
+
+def test_silence_says_no_data_for_all(car: Car) -> None:
+    report, events = car.diagnosis.silence(10**10)
+    assert {report.radar.state, report.acceleration.state, report.host_speed.state} == {
+        State.NO_DATA
+    }
+    assert report.step == 0 and len(events) >= 4
+
+
+def test_each_mechanism_can_be_switched_off() -> None:
+    quiet = Car(check_repetition=False)
+    quiet.drive(8.0)
+    start = quiet.number
+    quiet.drive(1.0, acceleration_is=0.01)
+    assert not quiet.faults_since(start)
+    deaf = Car(use_host_speed=False, use_observers=False, use_lead_report=False)
+    deaf.drive(8.0)
+    start = deaf.number
+    report = deaf.drive(2.0, acceleration=4.0).report
+    assert "acceleration" not in deaf.faults_since(start)
+    assert report.host_speed.state == State.NOT_READY
+    with pytest.raises(ValidationError, match="scan_confidence_max"):
+        DiagnosisSettings(scan_confidence_max=2)
+
+
+def test_non_finite_inputs_never_count_as_agreement() -> None:
+    diagnosis = RobustDiagnosis(DiagnosisSettings())
+    for step in range(1, 200):
+        horizon = make_horizon(
+            step,
+            measured_clearance=nan,
+            measured_relative_velocity=nan,
+            clearance_age=nan,
+            relative_velocity_age=nan,
+            clearance_stale=True,
+            relative_velocity_stale=True,
+            acceleration_stale=True,
+            measured_acceleration=nan,
+            acceleration_age=nan,
+            host_speed_stale=True,
+            measured_host_speed=nan,
+            host_speed_age=nan,
+        )
+        report = diagnosis.step(horizon, None).report
+    assert report.radar.state == report.acceleration.state == State.NO_DATA
+    assert report.host_speed.state == State.NO_DATA
+
+
+def test_noise_is_learnt_from_a_first_value_within_limits() -> None:
+    noise = LearntNoise(0.15, 0.03, 1.5, learn=True)
+    random = Random(3)
+    for value in [random.gauss(0.0, 0.05) for _ in range(3000)]:
+        noise.take(value, 0.0)
+    assert noise.deviation == pytest.approx(0.05, rel=0.1)
+    for _ in range(3000):
+        noise.take(0.0, 0.0)
+    assert noise.deviation == pytest.approx(0.03)
+    fixed = LearntNoise(0.15, 0.03, 1.5, learn=False)
+    fixed.take(9.0, 0.0)
+    assert fixed.deviation == pytest.approx(0.15)
+
+
+def test_roughness_is_blind_to_smooth_motion_and_to_one_outlier() -> None:
+    roughness = Roughness(16)
+    random = Random(4)
+    for k in range(200):
+        roughness.take(0.001 * k**2 + random.gauss(0.0, 0.05) + (k == 150), True)
+        assert not roughness.rough
+    for _ in range(16):
+        roughness.take(random.gauss(0.0, 1.0), False)
+    assert roughness.rough
+
+
+def test_repetition_is_told_from_what_the_signal_used_to_do() -> None:
+    lively, lazy = Repetition(8), Repetition(8)
+    random = Random(5)
+    for _ in range(2000):
+        lively.take(random.gauss(0.0, 1.0), True)
+        lazy.take(float(random.randrange(2)), True)
+    assert lively.limit == 8.0 and lazy.limit > 20.0
+    lively.take(1.0, True)
+    for _ in range(8):
+        assert not lively.frozen
+        lively.take(1.0, True)
+    assert lively.frozen
+
+
+def test_the_track_follows_and_coasts_as_it_is_driven() -> None:
+    track = LeadTrack.start(30.0, 0.0, 0.0, (0.1, 0.05))
+    clearance, velocity = 30.0, 0.0
+    for k in range(300):
+        velocity += 0.01 * (1.0 - 0.5)
+        clearance += 0.01 * velocity
+        track.predict(0.01, 0.5, 1.0, 0.0, 3.0)
+        if k % 5 == 0:
+            track.correct_clearance(clearance - track.clearance, 0.1**2)
+            track.correct_velocity(velocity - track.velocity, 0.05**2)
+    assert track.acceleration == pytest.approx(1.0, abs=0.05)
+    assert track.velocity == pytest.approx(velocity, abs=0.02)
+    before = replace(track)
+    track.predict(0.01, 0.5, 1.0, 0.0, 3.0)
+    assert track.variance(velocity=True) > before.variance(velocity=True)
