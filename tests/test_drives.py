@@ -9,7 +9,14 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, ScalarSample
+from lfd_mpc.sampling import (
+    ACCELERATION,
+    HOST_SPEED,
+    LEAD_ACCELERATION,
+    RADAR,
+    RadarSample,
+    ScalarSample,
+)
 from lfd_replay.drive import make_drive, playing_times
 from lfd_replay.drive_bag import sample_message, typestore, write_drive
 from lfd_replay.errors import run_command
@@ -44,6 +51,16 @@ def test_columns_of_other_names_are_mapped_and_tracks_are_read(tmp_path: Path) -
     path = csv(tmp_path, "0,30,-1,15,0.1,7", header=HEADER.replace("range_m", "dist") + ",track_id")
     drive = read_drive(path, ReadOptions(mapping={"range_m": "dist"}))
     assert [s.track_id for s in drive.samples if s.input == RADAR] == [7]
+
+
+def test_what_the_lead_says_is_an_optional_column_and_topic(tmp_path: Path) -> None:
+    header = HEADER + ",lead_accel_mps2"
+    path = csv(tmp_path, "0,30,-1,15,0.1,-0.5", "0.05,30,-1,15,0.1,", header=header)
+    drive = read_drive(path)
+    assert [s.value for s in drive.samples if s.input == LEAD_ACCELERATION] == [-0.5]
+    bag = tmp_path / "drive.mcap"
+    write_drive(drive, bag)
+    assert read_drive(bag).samples == drive.samples
 
 
 def test_samples_of_one_stamp_are_played_with_the_acceleration_last(tmp_path: Path) -> None:
@@ -229,8 +246,11 @@ def test_a_given_file_replaces_the_column_of_the_first(tmp_path: Path) -> None:
     assert drive.count(HOST_SPEED) == 3
 
 
-def test_the_parameter_file_of_the_paper_profile_is_current_and_complete() -> None:
-    text = (PARAMS / "paper.yaml").read_text()
-    assert text == profile_file_text("paper")
-    assert graph_settings("paper", PARAMS / "paper.yaml") == graph_settings("paper")
+@pytest.mark.parametrize("profile", ["robust", "paper"])
+def test_the_parameter_file_of_a_profile_is_current_and_complete(profile: str) -> None:
+    file = PARAMS / f"{profile}.yaml"
+    text = file.read_text()
+    assert text == profile_file_text(profile)
+    # The file alone makes the profile, whatever the default is.
+    assert graph_settings("robust", file) == graph_settings(profile)
     assert all(f"/**/{node}:" in text for node in NODES)

@@ -2,6 +2,8 @@
 
 import json
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +15,22 @@ from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
 from lfd_replay.evaluation import campaign, comparison
 from lfd_replay.evaluation.cusum import Cusum
-from lfd_replay.evaluation.detectors import CountedIndex, choose, count_false_events
+from lfd_replay.evaluation.detectors import (
+    EQUAL_EVENTS,
+    ROBUST,
+    CountedIndex,
+    at_equal,
+    choose,
+    count_false_events,
+)
 from lfd_replay.evaluation.fault_windows import LENGTH, PAUSE, Cell, offset_cells
 from lfd_replay.evaluation.journal import Journal, Task, run_tasks
 from lfd_replay.evaluation.kalman import KalmanGate, LeadModel
 from lfd_replay.evaluation.normal_driving import lead_acceleration, scan_deviations
+from lfd_replay.evaluation.requirements import campaign as requirements
+from lfd_replay.evaluation.requirements import plan
 from lfd_replay.evaluation.statistics import median, rate
-from lfd_replay.evaluation.summary import case_rows, summary
+from lfd_replay.evaluation.summary import case_rows, equal_rows, summary, tables
 from lfd_replay.evaluation.trace import JUDGED, Trace, load_trace, record_trace
 from lfd_replay.evaluation.variants import LINEAR, SINGLE, variants
 from lfd_replay.faults import FaultInjector, parse_faults
@@ -206,7 +217,27 @@ def test_calibrate_writes_parameters_that_evaluate_and_nodes_take(tmp_path: Path
     assert params.read_text() == text, "nothing is lost"
 
 
-def test_the_whole_evaluation_in_small(tmp_path: Path) -> None:
+def few_rows(extent: plan.Extent, recorded: bool) -> list[requirements.Row]:
+    """Of each way to judge one row, on few drives."""
+    chosen = {
+        "Table 3: all three": 1,
+        "Table 3: all three, rebuilt": 1,
+        "offset clearance +-2": 1,
+        "hold host_speed": 1,
+        "ramp clearance": 1,
+        "noise acceleration": 1,
+        "dropout clearance": 1,
+        "healthy drives": 2,
+    }
+    return [
+        replace(row, runs=row.runs[: chosen[row.title]])
+        for row in requirements.rows(extent, recorded)
+        if row.title in chosen
+    ]
+
+
+def test_the_whole_evaluation_in_small(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(campaign, "measure", partial(requirements.measure, made=few_rows))
     small = campaign.Size(
         normal=("data-1", "data-2"),
         starts=1,
@@ -214,6 +245,7 @@ def test_the_whole_evaluation_in_small(tmp_path: Path) -> None:
         offset_drives=("data-2",),
         other_drives=(),
         parts=True,
+        extent=plan.plain_extent(),
     )
     done: list[int] = []
     with ProcessPoolExecutor(2) as pool:
@@ -248,7 +280,12 @@ def test_the_whole_evaluation_in_small(tmp_path: Path) -> None:
         "Kalman filter",
         "CUSUM",
         comparison.AS_PUBLISHED,
+        ROBUST,
+        *(at_equal(n, k) for n in ("paper", "Kalman filter", "CUSUM") for k in EQUAL_EVENTS),
     }
+    robust = rows[ROBUST]
+    assert robust["detected"] == 1.0 and robust["false_events"] == 0
+    assert {row[2] for row in equal_rows(found.rows)} == {n for n in rows if n.endswith(" false")}
     published = rows[comparison.AS_PUBLISHED]
     assert published["windows"] >= 6 and published["detected"] == 1.0
     assert published["delay_s"] < 0.13 and published["signal"] == "acceleration"
@@ -257,7 +294,19 @@ def test_the_whole_evaluation_in_small(tmp_path: Path) -> None:
         assert sum(matrix["no fault"].values()) > 10, name
     assert len(case_rows(found)) == 9
     assert all(set(by_signal) == set(JUDGED) for by_signal in result["settings"].values())
-    allowed = round(result["normal"]["hours"] * campaign.FALSE_EVENTS_PER_HOUR)
+    hourly = round(result["normal"]["hours"] * campaign.FALSE_EVENTS_PER_HOUR)
     for name, by_signal in found.chosen.items():
+        allowed = int(name.split()[-2]) if name.endswith(" false") else hourly
         for signal, choice in by_signal.items():
             assert choice.false_events <= allowed, f"{name} {signal}"
+
+    told = {(f["profile"], f["row"], f["what"]): f for f in result["requirements"]}
+    assert told["robust", "Table 3: all three", "clearance found"]["met"]
+    assert told["robust", "Table 3: all three", "no healthy signal blamed"]["met"]
+    assert told["robust", "healthy drives", "false events"]["value"].startswith("0 in")
+    assert not told["paper", "offset clearance +-2", "clearance found"]["met"]
+    assert told["robust", "hold host_speed", "found within 0.5 s of having moved enough"]["met"]
+    assert told["robust", "dropout clearance", "clearance: NO_DATA in time"]["met"]
+    assert result["kinds"]["clearance"]["offset"].keys() == {"offset"}
+    for title, columns, table in tables(found):
+        assert all(len(row) == len(columns) for row in table), title

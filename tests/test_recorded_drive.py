@@ -68,3 +68,47 @@ def test_offsets_of_both_are_found(drive: Path) -> None:
     sensors = evaluate(drive, "offset:clearance=4,relative_velocity=-10,acceleration=4")
     assert sensors["radar"]["delay_s"] <= 0.150
     assert sensors["acceleration"]["delay_s"] <= 0.350
+
+
+ROBUST = [
+    ("offset:clearance=4,relative_velocity=-10", {"clearance", "relative_velocity"}),
+    ("offset:acceleration=4", {"acceleration"}),
+    (
+        "offset:clearance=4,relative_velocity=-10,acceleration=4",
+        {"clearance", "relative_velocity", "acceleration"},
+    ),
+]
+
+
+@pytest.mark.parametrize(("fault", "injected"), ROBUST)
+def test_the_robust_profile_names_exactly_what_is_faulty(drive: Path, fault, injected) -> None:
+    for name, figures in evaluate(drive, fault, "robust").items():
+        if name in injected:
+            most = 0.2 if name == "acceleration" else 0.13
+            assert figures["detected"] and figures["delay_s"] <= most, name
+            assert figures["flagged_fraction"] >= 0.97, name
+            assert all(end <= END + 1.5 for _, end in figures["flagged"]), name
+        elif name != "radar":
+            assert figures["flagged"] == [], name
+        assert figures["false_events"] == 0 and figures["ready_fraction"] >= 0.95, name
+
+
+def test_the_robust_profile_is_silent_on_the_healthy_drive(drive: Path) -> None:
+    for name, figures in evaluate(drive, profile="robust").items():
+        assert figures["flagged"] == [] and figures["ready_fraction"] >= 0.95, name
+
+
+def test_the_robust_profile_knows_a_car_under_another_id(data: Path, tmp_path: Path) -> None:
+    out = tmp_path / "drive.mcap"
+    base = data / NAME
+    arguments = [f"{base}_nearest_in_path.csv", "--map", "track_id=track_addr", "-o", str(out)]
+    arguments += ["--accel", f"{base}.can_accel_0x24.csv:acc_forward_mps2"]
+    assert run_command(main_import, [*arguments, "--speed", f"{base}.speed.csv"]) == 0
+    for name, figures in evaluate(out, profile="robust").items():
+        assert figures["flagged"] == [] and figures["ready_fraction"] >= 0.95, name
+    result = out.with_suffix(".json")
+    fault = "offset:clearance=4,relative_velocity=-10@22-27"
+    assert run_command(main_evaluate, [str(out), "--fault", fault, "--json", str(result)]) == 0
+    sensors = json.loads(result.read_text())["sensors"]
+    assert sensors["clearance"]["detected"] and sensors["relative_velocity"]["detected"]
+    assert sensors["acceleration"]["flagged"] == []

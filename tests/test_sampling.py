@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from lfd_mpc.sampling import (
     ACCELERATION,
     HOST_SPEED,
+    LEAD_ACCELERATION,
     RadarSample,
     Sampler,
     ScalarSample,
@@ -252,3 +253,39 @@ def test_whatever_arrives_steps_count_up_and_stay_bounded(samples) -> None:
         steps += released
     assert [step.step for step in steps] == list(range(1, len(steps) + 1))
     assert all(step.stamp % (10 * MS) == 0 for step in steps)
+
+
+def said(ms: float, value: float = -1.0) -> ScalarSample:
+    return ScalarSample(LEAD_ACCELERATION, round(ms * MS), value)
+
+
+def test_the_leads_word_is_used_but_neither_releases_nor_delays_steps() -> None:
+    sampler = Sampler()
+    assert run(sampler, said(0.0)) == [], "nothing is known of the time yet"
+    steps = healthy(sampler, 0, 100)
+    assert all(step.lead_acceleration.stale for step in steps)
+    assert run(sampler, said(95.0), said(900.0)) == []
+    (step,) = run(sampler, accel(100.0))
+    assert step.lead_acceleration.measured == -1.0 and not step.lead_acceleration.stale
+    assert step.lead_acceleration.age == pytest.approx(0.005)
+    steps = healthy(sampler, 110, 400)
+    assert times(steps) == [float(ms) for ms in range(110, 400, 10)]
+    assert steps[-1].lead_acceleration.stale, "silence of the lead is its own"
+
+
+def test_what_the_lead_stamps_far_from_now_or_twice_is_refused() -> None:
+    sampler = Sampler()
+    healthy(sampler, 2000, 2100)
+    run(sampler, said(2090.0), said(2090.0, 5.0), said(3200.0), said(1000.0))
+    (step,) = run(sampler, accel(2100.0))
+    assert step.lead_acceleration.measured == -1.0 and step.refused_samples == 3
+
+
+def test_a_lead_that_speaks_rarely_does_not_widen_the_largest_gap() -> None:
+    sampler = Sampler()
+    steps = []
+    for start in range(0, 4000, 400):
+        steps += healthy(sampler, start, start + 400)
+        sampler.push(said(start + 395))
+    steps = healthy(sampler, 4400, 4500)
+    assert steps[0].restart_reason.startswith("no input for")
