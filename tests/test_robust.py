@@ -309,6 +309,31 @@ def test_after_a_lost_reference_a_new_car_must_agree_for_long(car: Car) -> None:
     assert 3.5 <= cleared * 0.01 <= 5.0
 
 
+def test_without_ids_another_car_is_told_by_what_it_says_of_itself() -> None:
+    car = Car()
+    car.track_id = -1
+    car.drive(8.0)
+    car.clearance, car.velocity = 50.0, 3.0
+    verdict = car.drive(1.0).report.radar
+    assert verdict.state == State.FAULT, "nobody knows yet"
+    car.drive(9.0)
+    states = {outcome.report.radar.state for outcome in car.outcomes[-50:]}
+    assert states == {State.OK}
+    start = car.number
+    car.drive(1.0, clearance=4.0)
+    assert "clearance" in car.faults_since(start)
+
+
+def test_without_ids_a_fault_of_both_signals_does_not_pass_for_another_car() -> None:
+    car = Car()
+    car.track_id = -1
+    car.drive(8.0)
+    start = car.number
+    car.drive(12.0, clearance=4.0, relative_velocity=-10.0)
+    states = [outcome.report.clearance.state for outcome in car.outcomes[start + 20 :]]
+    assert set(states) == {State.FAULT}
+
+
 def test_an_offset_that_can_no_longer_be_told_says_so_and_stays(car: Car) -> None:
     verdict = car.drive(15.0, clearance=2.0, relative_velocity=-4.0).report.clearance
     assert verdict.state == State.FAULT

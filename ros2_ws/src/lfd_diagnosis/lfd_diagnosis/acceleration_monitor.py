@@ -41,6 +41,9 @@ BURST = 0.15
 SHAKEN = 0.1
 """Share of rough samples above which the road shakes a sensor."""
 
+SHAKEN_LIMIT = 1.6
+"""How much larger a jump must be while the road shakes the sensor."""
+
 ROUGH_TIME_ALONE = 1.5
 """Seconds of roughness that make a fault where nothing tells a bad road from a bad sensor."""
 
@@ -53,7 +56,7 @@ SLOPE_DRIFT, DRIFT_TIME = 0.12, 10.0
 SIZE_FROM, SIZE_TO = 30, 130
 """Steps after conviction over which the size of a jump is averaged."""
 
-SHARP, SHARP_GAP = 6, 4
+SHARP, SHARP_GAP = 8, 4
 """Steps that are averaged before and after a jump, and steps between them."""
 
 JUMP_MEMORY = 25
@@ -432,21 +435,23 @@ class AccelerationMonitor:
         jump = 0.0
         if len(samples) == 2 * SHARP + SHARP_GAP:
             jump = (sum(samples[-SHARP:]) - sum(samples[:SHARP])) / SHARP
-        if abs(jump) > settings.jump_limit:
+        # On a bad road, or over a kerb, even the mean of some samples jumps.
+        limit = settings.jump_limit * (SHAKEN_LIMIT if self._shaken else 1.0)
+        if abs(jump) > limit:
             if not self._jumped_for:
                 recent = list(self._lead_recent)[: 2 * BASELINE_DELAY // 3]
                 self._lead_reference = sum(recent) / len(recent)
                 self._before = sum(samples[:SHARP]) / SHARP
             self._jumped_for, self._jump_sign = JUMP_MEMORY, 1.0 if jump > 0 else -1.0
         if not self._jumped_for:
-            return Check("observers", jump, settings.jump_limit, Kind.OFFSET)
+            return Check("observers", jump, limit, Kind.OFFSET)
         self._jumped_for -= 1
         # A jump that the observers answer with the opposite one is the car's own.
         now = sum(samples[-SHARP:]) / SHARP
         residual = now - self._before + self._relative_now - self._relative
         if residual * self._jump_sign < 0.0:
             residual = 0.0
-        return Check("observers", residual, 0.8 * settings.jump_limit, Kind.OFFSET)
+        return Check("observers", residual, 0.8 * limit, Kind.OFFSET)
 
     def _still_off_lead(self, lead_report: LeadReport) -> Check | None:
         """A faulty signal against the lead, who goes back to driving as most do."""

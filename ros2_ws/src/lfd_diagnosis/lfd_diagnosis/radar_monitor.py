@@ -337,6 +337,8 @@ class RadarMonitor:
             track.correct_velocity(measured[1].value - now, velocity.noise.variance)
         if len(new) == 2 and not self.faulty:
             self._follow_path(track, measured)
+        elif len(new) == 2 and clearance.faulty and velocity.faulty:
+            self._look_for_another(measured)
 
     def _suspect(self, track: LeadTrack, signal: RadarSignal) -> None:
         """Whether a signal that was healthy still is."""
@@ -425,6 +427,20 @@ class RadarMonitor:
         drift = path.drift(limit)
         if self._settings.check_drift and abs(drift) > limit and path.explainable:
             self._explain(track, drift, limit)
+
+    def _look_for_another(self, measured: tuple[Measured, Measured]) -> None:
+        """A radar that gives no ids: two signals that jumped, but agree with each other since.
+
+        A fault of both leaves them contradicting each other; another car does not.
+        """
+        if self._id != UNKNOWN_TRACK or self.lost_since is not None:
+            return
+        path = self._path
+        path.follow(measured[0].at, measured[0].value, measured[1].value, 0.0)
+        limit = path.limit(1.0, self.clearance.resolution)
+        if path.length >= self._settings.drift_window and abs(path.drift(limit)) < 0.5 * limit:
+            self.lost_since = measured[0].at
+            self._begin(UNKNOWN_TRACK, *measured)
 
     def _explain(self, track: LeadTrack, drift: float, limit: float) -> None:
         """Clearance and relative velocity contradict each other: convict one of them."""

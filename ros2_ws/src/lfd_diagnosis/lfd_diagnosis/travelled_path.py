@@ -63,6 +63,11 @@ class TravelledPath:
         """Whether the path is long enough to say who is wrong."""
         return len(self._points) >= LEAST_POINTS
 
+    @property
+    def length(self) -> float:
+        """Seconds of path that are known."""
+        return self._points[-1][0] - self._points[0][0] if self._points else 0.0
+
     def limit(self, widening: float, resolution: float) -> float:
         """Drift in m beyond which the two contradict each other, the clearance in such steps."""
         least = max(self._settings.drift_limit, STEPS * resolution)
@@ -84,7 +89,7 @@ class TravelledPath:
     def drift(self, limit: float) -> float:
         """How far the two have come apart over the window in m; 0 while the path is short."""
         points = self._points
-        if not points or points[-1][0] - points[0][0] < LEAST_TIME:
+        if self.length < LEAST_TIME:
             return 0.0
         now = points[-1][0]
         start = max(now - self._settings.drift_window, points[0][0])
