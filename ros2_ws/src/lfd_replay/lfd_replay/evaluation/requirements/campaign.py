@@ -203,38 +203,35 @@ MECHANISMS: dict[str, tuple[tuple[str, object], ...]] = {
 
 def ablation_runs(extent: Extent, recorded: bool) -> dict[str, list[Run]]:
     """What the mechanisms are judged on, by title; small, since it is run for each of them."""
-    drives = extent.few[1:4]
+    drive = extent.few[1:2]
     groups = {
         "offsets of single signals": [
             run
             for signal, sizes in plan.OFFSETS.items()
-            for run in plan.spread("offset", ((signal, sizes[0]),), drives[:2], (1,))
+            for run in plan.spread("offset", ((signal, sizes[0]),), drive, (1,))
         ],
-        "Table 3": plan.spread("offset", plan.PAPER, drives[:2], (1,), 8.0, signed=False),
-        "hold and zero": [
-            run
-            for kind in ("hold", "zero")
-            for signal in JUDGED
-            for run in plan.spread(kind, ((signal, None),), drives[:1], (1,))
+        "Table 3": plan.spread("offset", plan.PAPER, drive, (1,), 8.0, signed=False),
+        "held signals": [
+            run for signal in JUDGED for run in plan.spread("hold", ((signal, None),), drive, (1,))
         ],
         "noise": [
             run
             for signal, value in KINDS["noise"].items()
-            for run in plan.spread("noise", ((signal, value),), drives[:1], (1,))
+            for run in plan.spread("noise", ((signal, value),), drive, (1,))
         ],
         "ramps": [
             run
             for signal, value in plan.RAMPS.items()
-            for run in plan.spread("ramp", ((signal, value),), drives[:1], (1,), 8.0)
+            for run in plan.spread("ramp", ((signal, value),), drive, (1,), plan.RAMP_LENGTH)
         ],
         "healthy": [
-            *(Run(name, 1) for name in ("data-1", "stop-and-go", "cut-in", "bumps", "hill")),
-            *(Run("braking", 1, peak=peak) for peak in plan.BRAKING_PEAKS),
-            *(Run(drives[0], 1, sensor=sensor) for sensor in plan.OTHER_SENSORS),
+            *(Run(name, 1) for name in ("cut-in", "bumps", "hill")),
+            Run("braking", 1, peak=-8.0),
+            *(Run(drive[0], 1, sensor=sensor) for sensor in plan.OTHER_SENSORS),
         ],
     }
     if recorded:
-        groups["nearest in path"] = [Run(NEAREST, 0), *plan.nearest(plan.PAPER)]
+        groups["nearest in path"] = [Run(NEAREST, 0), *plan.nearest(plan.PAPER)[:2]]
     return groups
 
 

@@ -56,7 +56,7 @@ class Extent:
 
 def plain_extent() -> Extent:
     """What fits in a few minutes."""
-    return Extent(NORMAL[6::14], (1,), NORMAL[6::14], 2, (1,), False)
+    return Extent(NORMAL[6::14], (1,), NORMAL[13:14], 2, (1,), False)
 
 
 def full_extent() -> Extent:
