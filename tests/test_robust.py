@@ -338,6 +338,7 @@ def test_an_offset_that_can_no_longer_be_told_says_so_and_stays(car: Car) -> Non
     verdict = car.drive(15.0, clearance=2.0, relative_velocity=-4.0).report.clearance
     assert verdict.state == State.FAULT
     assert "can no longer be told" in verdict.reason
+    assert verdict.confidence >= verdict.confidence_threshold
     end = car.number
     assert car.drive(2.0).report.clearance.state == State.OK, "the jump back ends it"
     assert not car.faults_since(end)

@@ -96,7 +96,7 @@ class DiagnosisNode(Node):
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._core.reset()
         response.success = True
-        response.message = "confidence and stored predictions are forgotten"
+        response.message = "faults, confidence and all that was learnt or stored are forgotten"
         return response
 
 

@@ -140,6 +140,9 @@ class RobustDiagnosis:
             "confidence_threshold": 1,
             **more,
         }
+        if state == State.FAULT:
+            # A fault that is latched is no less certain for agreeing meanwhile.
+            values["confidence"] = max(values["confidence"], values["confidence_threshold"])
         since = self._book.since(stamp, name, state)
         return SignalVerdict(state=state, since=since, reason=reason, **values)
 
