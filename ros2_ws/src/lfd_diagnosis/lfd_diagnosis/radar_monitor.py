@@ -38,7 +38,7 @@ VELOCITY_BIAS = 0.02
 GRADUAL = 0.6
 """Share of its limit that a residual has before a fault that came on gradually."""
 
-HELD_PATH, HELD_SIGMA, HELD_STEPS = 0.3, 4.0, 3.0
+HELD_PATH, HELD_SIGMA, HELD_STEPS = 0.45, 4.0, 3.0
 """What must have been travelled while the clearance repeats itself: m, deviations of its noise, and
 steps of its resolution."""
 
