@@ -108,7 +108,7 @@ def test_replay_leaves_bag_report_and_timeline(drive_file: Path, tmp_path: Path)
     )
     assert done.returncode == 0, done.stderr
     faulty = [line for line in done.stdout.splitlines() if "-> FAULT" in line]
-    assert len(faulty) == 1 and "acceleration" in faulty[0] and "observers exclude" in faulty[0]
+    assert len(faulty) == 1 and "acceleration" in faulty[0] and "host speed: off by" in faulty[0]
     summary = json.loads((out / "summary.json").read_text())
     assert summary["acceleration"]["detected"] and summary["acceleration"]["false_events"] == 0
     assert (out / "report.html").stat().st_size > 100_000

@@ -404,6 +404,8 @@ class RadarMonitor:
             agrees = measured.at - self.lost_since >= settings.requalify_time
         if agrees:
             signal.forgive()
+            # What was followed while it was faulty tells nothing about it now.
+            self._path.clear()
             if not self.faulty:
                 self.lost_since = None
 
