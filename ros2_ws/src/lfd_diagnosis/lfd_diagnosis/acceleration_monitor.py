@@ -12,7 +12,7 @@ from collections import deque
 from dataclasses import dataclass
 from math import exp, inf, isfinite, isnan, nan, sqrt
 
-from lfd_diagnosis.healthy_signal import LearntNoise, Repetition, Roughness
+from lfd_diagnosis.healthy_signal import LearntNoise, Repetition, Roughness, is_new
 from lfd_diagnosis.host_speed import ROUGH_TIME, HostSpeed, share_of
 from lfd_diagnosis.lead_report import LeadReport
 from lfd_diagnosis.settings import DiagnosisSettings
@@ -199,7 +199,7 @@ class AccelerationMonitor:
             self._filtered = value
         self._filtered += self._share * (value - self._filtered)
         self._burst += self._share * ((value - self._filtered) ** 2 - self._burst)
-        self._fresh = at > self._last_at + 1e-4
+        self._fresh = is_new(at, self._last_at)
         if self._fresh:
             self._roughness.take(value, not self.faulty)
             self._repetition.take(value, not self.faulty)

@@ -12,11 +12,19 @@ PRIOR = 20
 GIVE = 3.0
 """Deviations beyond which a sample does not add to what is learnt."""
 
+SAME_STAMP = 1e-4
+"""Seconds below which two stamps are the same."""
+
 EQUAL = 1e-6
 """Differences below it are rounding, not resolution."""
 
 STEPS = 0.6
 """Steps of a signal's resolution that its second differences are at least taken for."""
+
+
+def is_new(at: float, last_at: float) -> bool:
+    """Whether a sample of time `at` (s) is another one than that of `last_at`."""
+    return at > last_at + SAME_STAMP
 
 
 class LearntNoise:

@@ -2,7 +2,7 @@
 
 from math import inf, isfinite, isnan, nan
 
-from lfd_diagnosis.healthy_signal import LearntNoise, Repetition, Roughness
+from lfd_diagnosis.healthy_signal import LearntNoise, Repetition, Roughness, is_new
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.settings import STEP_S
@@ -87,7 +87,7 @@ class HostSpeed:
 
         `shaken`: the accelerometer feels a bad road.
         """
-        if at > self._last_at + 1e-4:
+        if is_new(at, self._last_at):
             self._take(at, value, acceleration, shaken)
         if self.faulty:
             self._stop_following()

@@ -2,6 +2,8 @@
 
 from math import isnan, nan
 
+from lfd_diagnosis.healthy_signal import is_new
+from lfd_diagnosis.host_speed import share_of
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_mpc.horizon import Horizon
 from lfd_mpc.settings import STEP_S
@@ -24,7 +26,7 @@ class LeadReport:
 
     def __init__(self, settings: DiagnosisSettings) -> None:
         self._settings = settings
-        self._share = STEP_S / (FILTER + STEP_S)
+        self._share = share_of(FILTER)
         self._limit = max(DISAGREEMENT, 5.0 * settings.lead_report_std)
         self.restart()
 
@@ -67,7 +69,7 @@ class LeadReport:
             self._agreeing = self._disagreeing = 0.0
             return
         at = horizon.stamp * 1e-9 - age
-        if at > self._last_at + 1e-4:
+        if is_new(at, self._last_at):
             self._check_jump(horizon.measured_lead_acceleration, at - self._last_at)
         self._last_at = at
         self.acceleration = horizon.measured_lead_acceleration

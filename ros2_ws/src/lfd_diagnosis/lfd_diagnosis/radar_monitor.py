@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import exp, inf, isfinite, nan
 
-from lfd_diagnosis.healthy_signal import LearntNoise, Repetition, Roughness
+from lfd_diagnosis.healthy_signal import LearntNoise, Repetition, Roughness, is_new
 from lfd_diagnosis.lead_track import LeadTrack
 from lfd_diagnosis.radar_signal import RadarSignal
 from lfd_diagnosis.settings import DiagnosisSettings
@@ -44,9 +44,6 @@ steps of its resolution."""
 
 CLEARANCE_STD, VELOCITY_STD = 0.22, 0.3
 """How well a track is known, in m and m/s, that a contradiction was explained with."""
-
-EPSILON = 1e-4
-"""Seconds below which two stamps are the same."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +163,7 @@ class RadarMonitor:
 
     @staticmethod
     def _measured(now: float, signal: RadarSignal, value: float, age: float) -> Measured:
-        new = isfinite(value) and now - age > signal.last_at + EPSILON
+        new = isfinite(value) and is_new(now - age, signal.last_at)
         return Measured(new, now - age, value, age)
 
     def _predict(

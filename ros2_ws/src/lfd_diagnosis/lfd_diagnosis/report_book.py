@@ -2,7 +2,7 @@
 
 from math import isnan
 
-from lfd_diagnosis.verdict import JUDGED, Event, Report, SignalVerdict, State
+from lfd_diagnosis.verdict import VERDICTS, Event, Report, SignalVerdict, State
 
 _WORST_FIRST = {
     state: rank
@@ -35,12 +35,12 @@ class ReportBook:
     ) -> tuple[Report, list[Event]]:
         """The report of a step and an event for each state that has changed.
 
-        `verdicts` by name, all of `JUDGED` but the radar, which is made of its two signals.
+        `verdicts` by name, all of `VERDICTS` but the radar, which is made of its two signals.
         """
         radar = self._radar(stamp, verdicts["clearance"], verdicts["relative_velocity"])
         verdicts = {**verdicts, "radar": radar}
         events = []
-        for name in JUDGED:
+        for name in VERDICTS:
             before, verdict = self._published.get(name), verdicts[name]
             old_state = State.NOT_READY if before is None else before.state
             if verdict.state != old_state:

@@ -153,8 +153,7 @@ class RobustDiagnosis:
         kind, size, size_std = Kind.UNKNOWN, nan, nan
         index = nan
         if stale:
-            state, reason = State.NO_DATA, f"transport: {silent(age)}"
-            kind = Kind.UNKNOWN if isnan(age) else Kind.DROPOUT
+            state, reason, kind = _no_data(age)
         elif not horizon.has_target:
             state, reason = State.NO_TARGET, "the radar sees no lead"
         elif signal.faulty:
@@ -215,8 +214,7 @@ class RobustDiagnosis:
             off = abs(check.residual)
             index = off / (off + check.limit)
         if horizon.acceleration_stale:
-            state, reason = State.NO_DATA, f"transport: {silent(horizon.acceleration_age)}"
-            kind = Kind.UNKNOWN if isnan(horizon.acceleration_age) else Kind.DROPOUT
+            state, reason, kind = _no_data(horizon.acceleration_age)
         elif monitor.faulty:
             state = State.FAULT
             kind, size, size_std = monitor.kind, monitor.size, monitor.size_std
@@ -250,8 +248,7 @@ class RobustDiagnosis:
         if not self._settings.use_host_speed:
             state, reason = State.NOT_READY, "not used (parameter use_host_speed)"
         elif horizon.host_speed_stale:
-            state, reason = State.NO_DATA, f"transport: {silent(age)}"
-            kind = Kind.UNKNOWN if isnan(age) else Kind.DROPOUT
+            state, reason, kind = _no_data(age)
         elif speed.faulty:
             state, kind, size = State.FAULT, speed.kind, speed.size
             reason = f"{kind.name.lower()} by {speed.because}; not used as evidence"
@@ -267,7 +264,8 @@ class RobustDiagnosis:
         if not self._settings.use_lead_report:
             state, reason = State.NOT_READY, "not used (parameter use_lead_report)"
         elif not lead.heard:
-            state, reason = State.NO_DATA, f"transport: {silent(horizon.lead_acceleration_age)}"
+            state, reason, _ = _no_data(horizon.lead_acceleration_age)
+            # An age is known of messages that were never fit to be used, too.
             kind = Kind.DROPOUT if self._heard_lead else Kind.UNKNOWN
         elif lead.faulty:
             state, reason = State.FAULT, f"{lead.because}; not used as evidence"
@@ -319,3 +317,9 @@ class RobustDiagnosis:
             acceleration_std=acceleration.std if acceleration_ok else nan,
             reason="; ".join(missing),
         )
+
+
+def _no_data(age: float) -> tuple[State, str, Kind]:
+    """What is said of a signal whose newest sample is that old, in s; NaN = there was none."""
+    kind = Kind.UNKNOWN if isnan(age) else Kind.DROPOUT
+    return State.NO_DATA, f"transport: {silent(age)}", kind

@@ -34,7 +34,7 @@ SIGNALS = ("clearance", "relative_velocity", "radar", "acceleration")
 EVIDENCE = ("host_speed", "lead_acceleration")
 """What else is judged, because it serves as evidence."""
 
-JUDGED = (*SIGNALS, *EVIDENCE)
+VERDICTS = (*SIGNALS, *EVIDENCE)
 """All verdicts in a report, in the order in which events are published."""
 
 
