@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from test_observer import N, make_horizon
 
-from lfd_diagnosis.confidence import Confidence
+from lfd_diagnosis.confidence import confidences
+from lfd_diagnosis.diagnosis import PaperDiagnosis
 from lfd_diagnosis.fault_index import PredictionLimits
 from lfd_diagnosis.pairing import PATIENCE, Pairing
-from lfd_diagnosis.paper_diagnosis import PaperDiagnosis
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.silence import CLOCK_LOST, LIMIT, SilenceWatch
 from lfd_diagnosis.verdict import State
@@ -66,17 +66,9 @@ def test_a_measurement_is_outside_above_its_limit_only(beyond: float, outside: b
 
 
 def test_confidence_counts_between_zero_and_its_ceiling() -> None:
-    confidence = Confidence(0.5, fault_threshold=10, ceiling=20)
-    confidence.step(0.4)
-    assert confidence.value == 0
-    for expected in range(1, 26):
-        confidence.step(0.5)
-        assert confidence.value == min(expected, 20)
-        assert confidence.faulty is (expected >= 10)
-    confidence.step(0.49)
-    assert confidence.value == 19
-    confidence.step(math.nan)
-    assert confidence.value == 0
+    indices = np.array([0.4, *[0.5] * 25, 0.49, math.nan])
+    counted = confidences(indices, index_threshold=0.5, ceiling=20)
+    assert counted.tolist() == [0, *range(1, 21), *[20] * 5, 19, 0]
 
 
 def test_indices_are_undefined_until_the_store_is_full() -> None:

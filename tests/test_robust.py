@@ -1,6 +1,5 @@
 """The robust profile without ROS: what it says to each input, at, below and above its limits."""
 
-from dataclasses import replace
 from math import isnan, nan
 from random import Random
 
@@ -9,11 +8,31 @@ import pytest
 from pydantic import ValidationError
 from test_observer import make_horizon
 
-from lfd_diagnosis.healthy_signal import LearntNoise, Repetition, Roughness
-from lfd_diagnosis.lead_track import LeadTrack
-from lfd_diagnosis.robust_diagnosis import RobustDiagnosis
+from lfd_diagnosis.diagnosis import RobustDiagnosis
+from lfd_diagnosis.healthy_signal import (
+    LEARNT_NOISE,
+    REPETITION,
+    ROUGHNESS,
+    deviation,
+    is_frozen,
+    is_rough,
+    learn_noise,
+    start_noise,
+    start_repetition,
+    start_roughness,
+    take_repetition,
+    take_roughness,
+)
+from lfd_diagnosis.lead_track import (
+    LEAD_TRACK,
+    correct_clearance,
+    correct_velocity,
+    predict_track,
+    start_track,
+)
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import Kind, Outcome, State
+from lfd_mpc.compiled import make_state
 from lfd_observer.bank import ObserverBank
 from lfd_observer.settings import BankSettings
 
@@ -419,56 +438,65 @@ def test_non_finite_inputs_never_count_as_agreement() -> None:
 
 
 def test_noise_is_learnt_from_a_first_value_within_limits() -> None:
-    noise = LearntNoise(0.15, 0.03, 1.5, learn=True)
+    noise, fixed = make_state(LEARNT_NOISE)[0], make_state(LEARNT_NOISE)[0]
+    start_noise(noise, 0.15, 0.03, 1.5, True, 400)
+    start_noise(fixed, 0.15, 0.03, 1.5, False, 400)
     random = Random(3)
     for value in [random.gauss(0.0, 0.05) for _ in range(3000)]:
-        noise.take(value, 0.0)
-    assert noise.deviation == pytest.approx(0.05, rel=0.1)
+        learn_noise(noise, value, 0.0)
+    assert deviation(noise) == pytest.approx(0.05, rel=0.1)
     for _ in range(3000):
-        noise.take(0.0, 0.0)
-    assert noise.deviation == pytest.approx(0.03)
-    fixed = LearntNoise(0.15, 0.03, 1.5, learn=False)
-    fixed.take(9.0, 0.0)
-    assert fixed.deviation == pytest.approx(0.15)
+        learn_noise(noise, 0.0, 0.0)
+    assert deviation(noise) == pytest.approx(0.03)
+    learn_noise(fixed, 9.0, 0.0)
+    assert deviation(fixed) == pytest.approx(0.15)
 
 
 def test_roughness_is_blind_to_smooth_motion_and_to_one_outlier() -> None:
-    roughness = Roughness(16)
+    roughness = make_state(ROUGHNESS)[0]
+    start_roughness(roughness, 16)
     random = Random(4)
     for k in range(200):
-        roughness.take(0.001 * k**2 + random.gauss(0.0, 0.05) + (k == 150), True)
-        assert not roughness.rough
+        take_roughness(roughness, 0.001 * k**2 + random.gauss(0.0, 0.05) + (k == 150), True)
+        assert not is_rough(roughness)
     for _ in range(16):
-        roughness.take(random.gauss(0.0, 1.0), False)
-    assert roughness.rough
+        take_roughness(roughness, random.gauss(0.0, 1.0), False)
+    assert is_rough(roughness)
 
 
 def test_repetition_is_told_from_what_the_signal_used_to_do() -> None:
-    lively, lazy = Repetition(8), Repetition(8)
+    lively, lazy = make_state(REPETITION)[0], make_state(REPETITION)[0]
+    start_repetition(lively, 8)
+    start_repetition(lazy, 8)
     random = Random(5)
     for _ in range(2000):
-        lively.take(random.gauss(0.0, 1.0), True)
-        lazy.take(float(random.randrange(2)), True)
-    assert lively.limit == 8.0 and lazy.limit > 20.0
-    lively.take(1.0, True)
+        take_repetition(lively, random.gauss(0.0, 1.0), True)
+        take_repetition(lazy, float(random.randrange(2)), True)
+    take_repetition(lively, 1.0, True)
+    take_repetition(lazy, 5.0, True)
     for _ in range(8):
-        assert not lively.frozen
-        lively.take(1.0, True)
-    assert lively.frozen
+        assert not is_frozen(lively)
+        take_repetition(lively, 1.0, True)
+        take_repetition(lazy, 5.0, True)
+    assert is_frozen(lively)
+    for _ in range(12):
+        assert not is_frozen(lazy)
+        take_repetition(lazy, 5.0, True)
 
 
 def test_the_track_follows_and_coasts_as_it_is_driven() -> None:
-    track = LeadTrack.start(30.0, 0.0, 0.0, (0.1, 0.05))
+    track = make_state(LEAD_TRACK)[0]
+    start_track(track, 30.0, 0.0, 0.0, 0.1**2, 0.05**2)
     clearance, velocity = 30.0, 0.0
     for k in range(300):
         velocity += 0.01 * (1.0 - 0.5)
         clearance += 0.01 * velocity
-        track.predict(0.01, 0.5, 1.0, 0.0, 3.0)
+        predict_track(track, 0.01, 0.5, 1.0, 0.0, 3.0)
         if k % 5 == 0:
-            track.correct_clearance(clearance - track.clearance, 0.1**2)
-            track.correct_velocity(velocity - track.velocity, 0.05**2)
-    assert track.acceleration == pytest.approx(1.0, abs=0.05)
-    assert track.velocity == pytest.approx(velocity, abs=0.02)
-    before = replace(track)
-    track.predict(0.01, 0.5, 1.0, 0.0, 3.0)
-    assert track.variance(velocity=True) > before.variance(velocity=True)
+            correct_clearance(track, clearance - track["clearance"], 0.1**2)
+            correct_velocity(track, velocity - track["velocity"], 0.05**2)
+    assert track["acceleration"] == pytest.approx(1.0, abs=0.05)
+    assert track["velocity"] == pytest.approx(velocity, abs=0.02)
+    before = float(track["vv"])
+    predict_track(track, 0.01, 0.5, 1.0, 0.0, 3.0)
+    assert track["vv"] > before

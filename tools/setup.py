@@ -177,10 +177,27 @@ def build_workspace(environment_is_new: bool) -> None:
     file.write_text(digest)
 
 
+def compile_algorithm() -> None:
+    """Compile what is compiled once after installation or a change of the algorithm."""
+    sources = sorted((WORKSPACE / "src").glob("lfd_*/lfd_*/*.py"))
+    parts = [(VENV / "workspace.stamp").read_bytes(), *(path.read_bytes() for path in sources)]
+    file, digest = stamp("compiled", parts)
+    if not needed(file, digest):
+        return
+    environment = {**os.environ}
+    if ROS_PREFIX is None:
+        environment["AMENT_PREFIX_PATH"] = str(VENV)
+    command = [ROOT / "run", "lfd_replay", "compile_all"]
+    if subprocess.run(command, env=environment).returncode:
+        fail("compile", "the algorithm was not compiled", "see the lines above")
+    file.write_text(digest)
+
+
 def main() -> None:
     """Carry out what is not done yet."""
     check_prerequisites()
     build_workspace(make_environment())
+    compile_algorithm()
 
 
 if __name__ == "__main__":

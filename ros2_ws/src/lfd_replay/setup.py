@@ -3,6 +3,7 @@ from setuptools import setup
 EXECUTABLES = (
     "bag_player",
     "calibrate",
+    "compile_all",
     "evaluate",
     "host_adapter",
     "import_drive",
@@ -19,6 +20,7 @@ setup(
         "lfd_replay",
         "lfd_replay.drawing",
         "lfd_replay.evaluation",
+        "lfd_replay.evaluation.requirements",
         "lfd_replay.generated",
         "lfd_replay.recordings",
     ],

@@ -8,16 +8,58 @@ Without it: no car changes its acceleration by metres per second squared within 
 and keeps it there, unless the lead seems to do the very same (then it is the accelerometer).
 """
 
-from collections import deque
-from dataclasses import dataclass
-from math import exp, inf, isfinite, isnan, nan, sqrt
+from math import exp, isfinite, isnan, sqrt
 
-from lfd_diagnosis.healthy_signal import LearntNoise, Repetition, Roughness, is_new
-from lfd_diagnosis.host_speed import ROUGH_TIME, HostSpeed, share_of
-from lfd_diagnosis.lead_report import LeadReport
-from lfd_diagnosis.settings import DiagnosisSettings
+import numpy as np
+
+from lfd_diagnosis.evidence import (
+    BECAUSE,
+    CHECK,
+    Ground,
+    give_ground,
+    is_exceeded,
+    set_check,
+)
+from lfd_diagnosis.healthy_signal import (
+    LEARNT_NOISE,
+    REPETITION,
+    RING,
+    ROUGHNESS,
+    append,
+    at,
+    deviation,
+    filter_share,
+    is_frozen,
+    is_full,
+    is_new,
+    is_rough,
+    learn_noise,
+    mean_of,
+    restart_repetition,
+    restart_roughness,
+    rough_share,
+    share_of,
+    start_noise,
+    start_repetition,
+    start_ring,
+    start_roughness,
+    take_repetition,
+    take_roughness,
+)
+from lfd_diagnosis.host_speed import (
+    HOST_SPEED,
+    ROUGH_TIME,
+    follow_speed,
+    is_moving,
+    is_usable,
+    jerk_of,
+    lose_speed,
+    restart_speed,
+    start_speed,
+)
+from lfd_diagnosis.lead_report import is_trusted
 from lfd_diagnosis.verdict import Kind
-from lfd_mpc.horizon import Horizon
+from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
 
 BASELINE, BASELINE_DELAY = 0.7, 30
@@ -80,403 +122,500 @@ BLIND_STD = 0.7
 LEAST = 0.6
 """m/s^2 within which an acceleration that jumped must come back."""
 
+SAMPLES = 2 * SHARP + SHARP_GAP
+"""Steps that are looked at for a jump."""
 
-@dataclass
-class Check:
-    """What one kind of evidence says: how far off, how far it may be, and since what."""
+BEFORE_JUMP = 8
+"""Steps by which a jump may be noticed late."""
 
-    name: str
-    residual: float
-    limit: float
-    kind: Kind
-    reference: float = nan
+BASE_SHARE, RELATIVE_SHARE = share_of(BASELINE), share_of(SMOOTH)
+LEAD_KEEP = exp(-STEP_S / LEAD_MEMORY)
 
-    @property
-    def exceeded(self) -> bool:
-        """Whether the acceleration disagrees with this evidence."""
-        return abs(self.residual) > self.limit
+ACCELERATION = np.dtype(
+    [
+        ("speed", HOST_SPEED),
+        ("roughness", ROUGHNESS),
+        ("repetition", REPETITION),
+        # Noise of the difference against a moment ago, against its slow mean, and against V2V.
+        ("step_noise", LEARNT_NOISE),
+        ("slow_noise", LEARNT_NOISE),
+        ("report_noise", LEARNT_NOISE),
+        ("lag_product", "f8"),
+        ("lag_square", "f8"),
+        ("slope", "f8"),
+        ("slope_known", "f8"),
+        ("ticks", "i8"),
+        ("check", CHECK),
+        ("acceleration", "f8"),
+        ("faulty", "?"),
+        ("kind", "i8"),
+        ("because", BECAUSE),
+        ("confidence", "i8"),
+        ("agreeing", "f8"),
+        ("reference", "f8"),
+        ("lead_reference", "f8"),
+        ("size", "f8"),
+        ("size_std", "f8"),
+        ("off", "f8"),
+        ("settled", "i8"),
+        ("baseline", "f8"),
+        ("recent", RING),
+        ("back_for", "i8"),
+        ("settling", "?"),
+        ("last_at", "f8"),
+        ("fresh", "?"),
+        ("new_samples", "i8"),
+        ("filtered", "f8"),
+        ("burst", "f8"),
+        ("before_jump", RING),
+        ("samples", RING),
+        ("lead", "f8"),
+        ("lead_slow", "f8"),
+        ("lead_recent", RING),
+        ("report_off", "f8"),
+        ("relative_now", "f8"),
+        ("relative_slow", "f8"),
+        ("before", "f8"),
+        ("relative", "f8"),
+        ("radar_gone", "i8"),
+        ("jumped_for", "i8"),
+        ("jump_sign", "f8"),
+        ("rough_for", "f8"),
+        ("shaken", "?"),
+    ],
+    align=True,
+)
+"""State of the acceleration signal; `acceleration` (m/s^2) is how the host really accelerates."""
 
-    def text(self) -> str:
-        """In words, with figures."""
-        return f"{self.name}: off by {self.residual:.2f} m/s^2 (limit {self.limit:.2f})"
+
+@inner
+def start_acceleration(monitor, settings):
+    """Begin with nothing."""
+    learn = settings.learn_noise
+    start_speed(monitor.speed, learn)
+    start_roughness(monitor.roughness, 64)
+    start_repetition(monitor.repetition, 8)
+    start_noise(monitor.step_noise, 0.15, 0.03, 1.0, learn, 2000)
+    start_noise(monitor.slow_noise, 0.2, 0.05, 1.0, learn, 2000)
+    start_noise(monitor.report_noise, max(0.25, settings.lead_report_std), 0.1, 1.0, learn, 2000)
+    monitor.lag_product, monitor.lag_square = 0.0, LAG_PRIOR
+    monitor.slope = monitor.slope_known = 0.0
+    monitor.ticks = 0
+    restart_acceleration(monitor)
 
 
-class AccelerationMonitor:
-    """Judges the acceleration signal, and says how the host really accelerates."""
+@inner
+def restart_acceleration(monitor):
+    """Nothing from before counts but what was learnt."""
+    monitor.check.ground = Ground.NONE
+    _forgive(monitor)
+    restart_speed(monitor.speed)
+    restart_roughness(monitor.roughness)
+    restart_repetition(monitor.repetition)
+    monitor.last_at = -np.inf
+    monitor.fresh, monitor.new_samples = False, 0
+    monitor.filtered, monitor.burst = np.nan, 0.0
+    start_ring(monitor.before_jump, BEFORE_JUMP)
+    start_ring(monitor.samples, SAMPLES)
+    monitor.lead = monitor.lead_slow = np.nan
+    start_ring(monitor.lead_recent, BASELINE_DELAY)
+    monitor.report_off = 0.0
+    monitor.relative_now = monitor.relative_slow = monitor.before = 0.0
+    monitor.relative, monitor.radar_gone = 0.0, RADAR_GONE
+    monitor.jumped_for, monitor.jump_sign = 0, 0.0
+    monitor.rough_for = 0.0
+    monitor.shaken = False
+    monitor.acceleration = 0.0
 
-    def __init__(self, settings: DiagnosisSettings) -> None:
-        self._settings = settings
-        learn = settings.learn_noise
-        self.speed = HostSpeed(settings)
-        self._roughness = Roughness(64)
-        self._repetition = Repetition(8)
-        # Noise of the difference against a moment ago, and against its slow mean.
-        self._step_noise = LearntNoise(0.15, 0.03, 1.0, learn, memory=2000)
-        self._slow_noise = LearntNoise(0.2, 0.05, 1.0, learn, memory=2000)
-        self._share = share_of(settings.host_speed_filter_time)
-        self._base_share = share_of(BASELINE)
-        self._relative_share = share_of(SMOOTH)
-        self._report_noise = LearntNoise(
-            max(0.25, settings.lead_report_std), 0.1, 1.0, learn, memory=2000
-        )
-        self._lag_product, self._lag_square = 0.0, LAG_PRIOR
-        self._slope, self._slope_known = 0.0, 0.0
-        self._ticks = 0
-        self.restart()
 
-    def restart(self) -> None:
-        """Nothing from before counts but what was learnt."""
-        self.check: Check | None = None
-        self._forgive()
-        self.speed.restart()
-        self._roughness.restart()
-        self._repetition.restart()
-        self._last_at = -inf
-        self._fresh, self._new_samples = False, 0
-        self._filtered, self._burst = nan, 0.0
-        self._before_jump: deque[float] = deque(maxlen=8)
-        self._samples: deque[float] = deque(maxlen=2 * SHARP + SHARP_GAP)
-        self._lead, self._lead_slow = nan, nan
-        self._lead_recent: deque[float] = deque(maxlen=BASELINE_DELAY)
-        self._report_off = 0.0
-        self._relative_now = self._relative_slow = self._before = 0.0
-        self._relative, self._radar_gone = 0.0, RADAR_GONE
-        self._jumped_for, self._jump_sign = 0, 0.0
-        self._rough_for = 0.0
-        self._shaken = False
-        self.acceleration = 0.0
+@inner
+def _forgive(monitor):
+    monitor.faulty, monitor.kind = False, Kind.UNKNOWN
+    monitor.because.ground = Ground.NONE
+    monitor.confidence, monitor.agreeing = 0, 0.0
+    monitor.reference = monitor.lead_reference = np.nan
+    monitor.size = monitor.size_std = monitor.off = np.nan
+    monitor.settled = 0
+    _forget_baseline(monitor)
+    monitor.back_for, monitor.settling = 0, False
 
-    def _forgive(self) -> None:
-        self.faulty, self.kind, self.because = False, Kind.UNKNOWN, ""
-        self.confidence, self._agreeing = 0, 0.0
-        self._reference = self._lead_reference = nan
-        self.size = self.size_std = self._off = nan
-        self._settled = 0
-        self._baseline, self._recent = nan, deque[float](maxlen=BASELINE_DELAY)
-        self._back_for, self._settling = 0, False
 
-    @property
-    def std(self) -> float:
-        """Standard deviation in m/s^2 of `expected`."""
-        if not self.speed.usable:
-            return BLIND_STD
-        drift = SLOPE_DRIFT**2 * min(self._settled * STEP_S, DRIFT_TIME)
-        return sqrt(self._slow_noise.variance + self._step_noise.variance + drift)
+@inner
+def _forget_baseline(monitor):
+    monitor.baseline = np.nan
+    start_ring(monitor.recent, BASELINE_DELAY)
 
-    @property
-    def expected(self) -> float:
-        """What a healthy accelerometer would say, in m/s^2: it feels the slope of the road, too."""
-        if self.speed.usable:
-            slope = self._slope if isnan(self._reference) else self._reference
-            return self.acceleration + slope
-        if isnan(self._lead_reference) or isnan(self._lead):
-            return self.acceleration
-        return self._lead_reference - self._relative_slow
 
-    def follow(self, horizon: Horizon) -> None:
-        """Take one step's samples; afterwards `acceleration` is the best that is known."""
-        now = horizon.stamp * 1e-9
-        settings = self._settings
-        if settings.use_host_speed and not horizon.host_speed_stale:
-            at = now - horizon.host_speed_age
-            self.speed.step(at, horizon.measured_host_speed, self.acceleration, self._shaken)
-        else:
-            self.speed.lose()
-        usable = not horizon.acceleration_stale
-        if usable:
-            self._follow_samples(now - horizon.acceleration_age, horizon.measured_acceleration)
-        if self.speed.usable:
-            self.acceleration = self.speed.derivative
-        elif usable and not self.faulty:
-            # While a jump is being looked into, what was before it.
-            if not self._jumped_for:
-                self.acceleration = self._before_jump[0]
-        else:
-            self.acceleration *= exp(-STEP_S / LEAD_MEMORY)
+@inner
+def expected_std(monitor, settings):
+    """Standard deviation in m/s^2 of `expected_acceleration`."""
+    if not is_usable(monitor.speed, settings):
+        return BLIND_STD
+    drift = SLOPE_DRIFT**2 * min(monitor.settled * STEP_S, DRIFT_TIME)
+    return sqrt(monitor.slow_noise.variance + monitor.step_noise.variance + drift)
 
-    def _follow_samples(self, at: float, value: float) -> None:
-        if isnan(self._filtered):
-            self._filtered = value
-        self._filtered += self._share * (value - self._filtered)
-        self._burst += self._share * ((value - self._filtered) ** 2 - self._burst)
-        self._fresh = is_new(at, self._last_at)
-        if self._fresh:
-            self._roughness.take(value, not self.faulty)
-            self._repetition.take(value, not self.faulty)
-            self._last_at = at
-        self._samples.append(value)
-        self._before_jump.append(self._filtered - self._slope)
-        # A bad road shakes the wheels, too; a sensor's own noise does not.
-        self._shaken = self._roughness.share > SHAKEN
-        self._rough_for = self._rough_for + STEP_S if self._roughness.rough else 0.0
 
-    def judge(
-        self, horizon: Horizon, relative_acceleration: float, lead_report: LeadReport
-    ) -> None:
-        """Judge the step; `relative_acceleration` in m/s^2, NaN where the radar tells nothing."""
-        settings = self._settings
-        if horizon.acceleration_stale:
-            self.confidence, self.check = 0, None
+@inner
+def expected_acceleration(monitor, settings):
+    """What a healthy accelerometer would say, in m/s^2: it feels the slope of the road, too."""
+    if is_usable(monitor.speed, settings):
+        slope = monitor.slope if isnan(monitor.reference) else monitor.reference
+        return monitor.acceleration + slope
+    if isnan(monitor.lead_reference) or isnan(monitor.lead):
+        return monitor.acceleration
+    return monitor.lead_reference - monitor.relative_slow
+
+
+@inner
+def follow_acceleration(monitor, settings, horizon):
+    """Take one step's samples; afterwards `acceleration` is the best that is known."""
+    now = horizon.stamp * 1e-9
+    speed = monitor.speed
+    if settings.use_host_speed and not horizon.host_speed_stale:
+        time = now - horizon.host_speed_age
+        value = horizon.measured_host_speed
+        follow_speed(speed, settings, time, value, monitor.acceleration, monitor.shaken)
+    else:
+        lose_speed(speed)
+    usable = not horizon.acceleration_stale
+    if usable:
+        time = now - horizon.acceleration_age
+        _follow_samples(monitor, settings, time, horizon.measured_acceleration)
+    if is_usable(speed, settings):
+        monitor.acceleration = speed.derivative
+    elif usable and not monitor.faulty:
+        # While a jump is being looked into, what was before it.
+        if not monitor.jumped_for:
+            monitor.acceleration = at(monitor.before_jump, 0)
+    else:
+        monitor.acceleration *= LEAD_KEEP
+
+
+@inner
+def _follow_samples(monitor, settings, time, value):
+    share = filter_share(settings.host_speed_filter_time)
+    if isnan(monitor.filtered):
+        monitor.filtered = value
+    monitor.filtered += share * (value - monitor.filtered)
+    monitor.burst += share * ((value - monitor.filtered) ** 2 - monitor.burst)
+    monitor.fresh = is_new(time, monitor.last_at)
+    if monitor.fresh:
+        take_roughness(monitor.roughness, value, not monitor.faulty)
+        take_repetition(monitor.repetition, value, not monitor.faulty)
+        monitor.last_at = time
+    append(monitor.samples, value)
+    append(monitor.before_jump, monitor.filtered - monitor.slope)
+    # A bad road shakes the wheels, too; a sensor's own noise does not.
+    monitor.shaken = rough_share(monitor.roughness) > SHAKEN
+    monitor.rough_for = monitor.rough_for + STEP_S if is_rough(monitor.roughness) else 0.0
+
+
+@inner
+def judge_acceleration(monitor, settings, horizon, relative_acceleration, lead_report):
+    """Judge the step; `relative_acceleration` in m/s^2, NaN where the radar tells nothing."""
+    check, speed = monitor.check, monitor.speed
+    if horizon.acceleration_stale:
+        monitor.confidence = 0
+        check.ground = Ground.NONE
+        return
+    monitor.ticks += 1
+    _follow_lead(monitor, relative_acceleration)
+    usable = is_usable(speed, settings)
+    if usable:
+        _against_speed(monitor, settings)
+    else:
+        _forget_baseline(monitor)
+        _against_lead(monitor, settings, lead_report)
+    exceeded = is_exceeded(check)
+    _count(monitor, settings, exceeded)
+    frozen = (
+        settings.check_repetition
+        and is_frozen(monitor.repetition)
+        and (is_moving(speed) or not usable)
+    )
+    rough = settings.check_roughness and _seems_rough(monitor, usable)
+    if monitor.faulty:
+        _requalify(monitor, settings, exceeded or frozen or rough)
+    elif frozen:
+        kind = Kind.ZERO if horizon.measured_acceleration == 0.0 else Kind.HOLD
+        run = monitor.repetition.run + 1
+        _convict(monitor, settings, kind, Ground.REPETITION, run, 0.0)
+    elif rough:
+        share = rough_share(monitor.roughness)
+        _convict(monitor, settings, Kind.NOISE, Ground.ROUGHNESS, share, 0.0)
+    elif (
+        exceeded
+        and monitor.confidence >= settings.acceleration_steps
+        # One sample alone may be an outlier, however many steps hold it.
+        and monitor.new_samples >= 2
+    ):
+        _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
+
+
+@inner
+def _seems_rough(monitor, usable):
+    if not usable:
+        return monitor.rough_for >= ROUGH_TIME_ALONE
+    return monitor.rough_for >= ROUGH_TIME and rough_share(monitor.speed.roughness) <= SHAKEN
+
+
+@inner
+def _count(monitor, settings, exceeded):
+    """Confidence in a fault, by steps (eq 26)."""
+    if exceeded:
+        if monitor.confidence == 0:
+            monitor.new_samples = 0
+        monitor.new_samples += monitor.fresh
+        monitor.confidence = min(monitor.confidence + 1, settings.confidence_max)
+    else:
+        monitor.confidence = max(monitor.confidence - 1, 0)
+
+
+@inner
+def _convict(monitor, settings, kind, ground, first, second):
+    monitor.faulty, monitor.kind = True, kind
+    give_ground(monitor.because, ground, first, second, 0.0)
+    monitor.confidence, monitor.agreeing = settings.confidence_max, 0.0
+    if isnan(monitor.reference):
+        monitor.reference = monitor.slope
+    off = monitor.check.residual if monitor.check.ground != Ground.NONE else 0.0
+    monitor.size = monitor.off = off
+    monitor.size_std, monitor.settled = np.nan, 0
+    _forget_baseline(monitor)
+    monitor.back_for, monitor.settling = 0, False
+    monitor.jumped_for = 0
+
+
+@inner
+def _requalify(monitor, settings, disagrees):
+    if disagrees:
+        monitor.agreeing = 0.0
+        return
+    monitor.agreeing += STEP_S
+    if monitor.agreeing >= settings.clear_time:
+        _forgive(monitor)
+
+
+@inner
+def _against_speed(monitor, settings):
+    """Against the derivative of the host's speed."""
+    jerk = jerk_of(monitor.speed)
+    off = monitor.filtered - monitor.speed.derivative - _lag(monitor, settings) * jerk
+    if monitor.faulty:
+        _still_off(monitor, settings, off)
+        return
+    if isnan(monitor.baseline):
+        monitor.baseline = monitor.slope if monitor.slope_known > 0.0 else off
+    learning = 1.0 + 2.0 * max(0.0, 1.0 - monitor.slope_known / WARM_UP)
+    allowance = settings.jerk_allowance * abs(jerk) + BURST * monitor.burst**0.5
+    sigma = settings.acceleration_sigma
+    step, slow = off - monitor.baseline, off - monitor.slope
+    step_limit = max(settings.acceleration_step_limit, sigma * deviation(monitor.step_noise))
+    slow_limit = max(settings.acceleration_limit, sigma * deviation(monitor.slow_noise))
+    sudden, gradual = learning * step_limit + allowance, learning * slow_limit + allowance
+    check = monitor.check
+    if abs(slow) / gradual > abs(step) / sudden:
+        set_check(check, Ground.HOST_SPEED, slow, gradual, Kind.RAMP, monitor.slope)
+    else:
+        set_check(check, Ground.HOST_SPEED, step, sudden, Kind.OFFSET, monitor.baseline)
+    if is_exceeded(check):
+        monitor.reference = check.reference
+    elif not monitor.confidence:
+        monitor.reference = np.nan
+        healthy = abs(step) < LEAST * step_limit
+        _learn(monitor, settings, off, jerk, step if healthy else np.nan, slow_limit)
+
+
+@inner
+def _lag(monitor, settings):
+    """How much the speed lags behind the accelerometer, in s."""
+    if not settings.learn_noise:
+        return 0.0
+    return max(-LARGEST_LAG, min(LARGEST_LAG, monitor.lag_product / monitor.lag_square))
+
+
+@inner
+def _learn(monitor, settings, off, jerk, step, slow_limit):
+    """Slope, noise and lag, from a healthy step."""
+    _follow_baseline(monitor, off)
+    monitor.slope_known += STEP_S
+    slow = off - monitor.slope
+    if monitor.slope_known < WARM_UP:
+        monitor.slope += STEP_S / monitor.slope_known * slow
+    else:
+        rate = settings.slope_rate
+        monitor.slope += STEP_S * max(-rate, min(rate, slow / SLOPE_TIME))
+    if monitor.ticks % 10:
+        return
+    if not isnan(step):
+        learn_noise(monitor.step_noise, step, 0.0)
+    if abs(slow) < LEAST * slow_limit:
+        learn_noise(monitor.slow_noise, slow, 0.0)
+    moved = monitor.filtered - monitor.speed.derivative - monitor.baseline
+    monitor.lag_product += jerk * moved - monitor.lag_product / LAG_MEMORY
+    monitor.lag_square += jerk * jerk - (monitor.lag_square - LAG_PRIOR) / LAG_MEMORY
+
+
+@inner
+def _follow_baseline(monitor, off):
+    """What the difference was a moment ago."""
+    if isnan(monitor.baseline):
+        monitor.baseline = off
+    append(monitor.recent, off)
+    if is_full(monitor.recent):
+        monitor.baseline += BASE_SHARE * (at(monitor.recent, 0) - monitor.baseline)
+
+
+@inner
+def _still_off(monitor, settings, off):
+    """A faulty signal against what the difference was before the fault."""
+    residual = off - monitor.reference
+    monitor.off += 3.0 * STEP_S * (residual - monitor.off)
+    monitor.settled += 1
+    _estimate_size(monitor, residual)
+    least = LEAST if monitor.kind == Kind.OFFSET else settings.acceleration_limit
+    limit = max(0.5 * abs(monitor.off), least)
+    _follow_baseline(monitor, off)
+    step = (off - monitor.baseline) * (1.0 if monitor.off > 0 else -1.0)
+    back = step < -BACK * abs(monitor.off) and abs(monitor.off) > LEAST
+    monitor.back_for = monitor.back_for + 1 if back else 0
+    if monitor.back_for >= BACK_STEPS:
+        # What made the fault was undone; how the slope has changed meanwhile nobody knows.
+        monitor.settling = True
+    left = 0.0 if monitor.settling else residual
+    set_check(monitor.check, Ground.HOST_SPEED, left, limit, monitor.kind, np.nan)
+
+
+@inner
+def _estimate_size(monitor, residual):
+    """Of a jump just after it, when the slope has hardly changed; of others as they are now."""
+    settled = monitor.settled
+    if monitor.kind == Kind.RAMP or settled < SIZE_FROM:
+        monitor.size = monitor.off
+    elif settled <= SIZE_TO:
+        monitor.size += (residual - monitor.size) / (settled - SIZE_FROM + 1)
+    drift = SLOPE_DRIFT**2 * min(settled * STEP_S, 1.0)
+    monitor.size_std = sqrt(monitor.step_noise.variance + drift)
+
+
+@inner
+def _follow_lead(monitor, relative_acceleration):
+    """The lead's acceleration as accelerometer and observers make it."""
+    gone = isnan(relative_acceleration)
+    if gone:
+        monitor.radar_gone += 1
+        if monitor.radar_gone > RADAR_GONE:
+            monitor.lead = np.nan
+            start_ring(monitor.lead_recent, BASELINE_DELAY)
             return
-        self._ticks += 1
-        self._follow_lead(relative_acceleration)
-        if self.speed.usable:
-            self.check = self._against_speed()
-        else:
-            self._baseline, self._recent = nan, deque(maxlen=BASELINE_DELAY)
-            self.check = self._against_lead(lead_report)
-        exceeded = self.check is not None and self.check.exceeded
-        self._count(exceeded)
-        frozen = (
-            settings.check_repetition
-            and self._repetition.frozen
-            and (self.speed.moving or not self.speed.usable)
-        )
-        rough = settings.check_roughness and self._is_rough()
-        if self.faulty:
-            self._requalify(exceeded or frozen or rough)
-        elif frozen:
-            kind = Kind.ZERO if horizon.measured_acceleration == 0.0 else Kind.HOLD
-            self._convict(kind, f"repetition: the same value {self._repetition.run + 1} times")
-        elif rough:
-            share = self._roughness.share
-            self._convict(Kind.NOISE, f"roughness: {share:.0%} of samples rougher than ever")
-        elif (
-            exceeded
-            and self.confidence >= settings.acceleration_steps
-            # One sample alone may be an outlier, however many steps hold it.
-            and self._new_samples >= 2
-        ):
-            assert self.check is not None
-            self._convict(self.check.kind, self.check.text())
+    else:
+        monitor.radar_gone = 0
+        if not monitor.jumped_for:
+            monitor.relative = relative_acceleration
+    now = monitor.relative if gone else relative_acceleration
+    monitor.relative_now = now
+    monitor.relative_slow += RELATIVE_SHARE * (now - monitor.relative_slow)
+    monitor.lead = monitor.filtered + now
+    if not monitor.confidence and not monitor.jumped_for:
+        append(monitor.lead_recent, monitor.lead)
+        if isnan(monitor.lead_slow):
+            monitor.lead_slow = monitor.lead
+        monitor.lead_slow += BASE_SHARE * (at(monitor.lead_recent, 0) - monitor.lead_slow)
 
-    def _is_rough(self) -> bool:
-        if not self.speed.usable:
-            return self._rough_for >= ROUGH_TIME_ALONE
-        return self._rough_for >= ROUGH_TIME and self.speed.roughness.share <= SHAKEN
 
-    def _count(self, exceeded: bool) -> None:
-        """Confidence in a fault, by steps (eq 26)."""
-        if exceeded:
-            if self.confidence == 0:
-                self._new_samples = 0
-            self._new_samples += self._fresh
-            self.confidence = min(self.confidence + 1, self._settings.confidence_max)
-        else:
-            self.confidence = max(self.confidence - 1, 0)
+@inner
+def _against_lead(monitor, settings, lead_report):
+    """Without the host's speed: against its own past, the observers and the lead's word."""
+    check = monitor.check
+    if monitor.faulty:
+        _still_off_lead(monitor, settings, lead_report)
+        return
+    check.ground = Ground.NONE
+    if not is_full(monitor.lead_recent) or isnan(monitor.lead):
+        return
+    if is_trusted(lead_report, settings):
+        _against_report(monitor, settings, lead_report)
+    if settings.use_observers:
+        _against_observers(monitor, settings)
 
-    def _convict(self, kind: Kind, because: str) -> None:
-        self.faulty, self.kind, self.because = True, kind, because
-        self.confidence, self._agreeing = self._settings.confidence_max, 0.0
-        if isnan(self._reference):
-            self._reference = self._slope
-        off = self.check.residual if self.check is not None else 0.0
-        self.size = self._off = off
-        self.size_std, self._settled = nan, 0
-        self._baseline, self._recent = nan, deque(maxlen=BASELINE_DELAY)
-        self._back_for, self._settling = 0, False
-        self._jumped_for = 0
 
-    def _requalify(self, disagrees: bool) -> None:
-        if disagrees:
-            self._agreeing = 0.0
-            return
-        self._agreeing += STEP_S
-        if self._agreeing >= self._settings.clear_time:
-            self._forgive()
+@inner
+def _take_if_worse(check, ground, residual, limit):
+    """Of several kinds of evidence the one that disagrees most counts."""
+    first = check.ground == Ground.NONE
+    if first or abs(residual) / limit > abs(check.residual) / check.limit:
+        set_check(check, ground, residual, limit, Kind.OFFSET, np.nan)
 
-    def _against_speed(self) -> Check:
-        """Against the derivative of the host's speed."""
-        settings = self._settings
-        jerk = self.speed.jerk
-        off = self._filtered - self.speed.derivative - self._lag() * jerk
-        if self.faulty:
-            return self._still_off(off)
-        if isnan(self._baseline):
-            self._baseline = self._slope if self._slope_known else off
-        learning = 1.0 + 2.0 * max(0.0, 1.0 - self._slope_known / WARM_UP)
-        allowance = settings.jerk_allowance * abs(jerk) + BURST * self._burst**0.5
-        sigma = settings.acceleration_sigma
-        step, slow = off - self._baseline, off - self._slope
-        step_limit = max(settings.acceleration_step_limit, sigma * self._step_noise.deviation)
-        slow_limit = max(settings.acceleration_limit, sigma * self._slow_noise.deviation)
-        sudden = Check(
-            "host speed", step, learning * step_limit + allowance, Kind.OFFSET, self._baseline
-        )
-        gradual = Check(
-            "host speed", slow, learning * slow_limit + allowance, Kind.RAMP, self._slope
-        )
-        worse = max(sudden, gradual, key=lambda check: abs(check.residual) / check.limit)
-        if worse.exceeded:
-            self._reference = worse.reference
-        elif not self.confidence:
-            self._reference = nan
-            self._learn(off, jerk, step if abs(step) < LEAST * step_limit else nan, slow_limit)
-        return worse
 
-    def _lag(self) -> float:
-        """How much the speed lags behind the accelerometer, in s."""
-        if not self._settings.learn_noise:
-            return 0.0
-        return max(-LARGEST_LAG, min(LARGEST_LAG, self._lag_product / self._lag_square))
+@inner
+def _against_report(monitor, settings, lead_report):
+    """Blamed only for what it did itself: the lead's word may be wrong as well."""
+    off = monitor.lead - lead_report.acceleration
+    share = filter_share(settings.host_speed_filter_time)
+    monitor.report_off += share * (off - monitor.report_off)
+    residual = monitor.report_off
+    own = monitor.lead - monitor.lead_slow
+    sigma = settings.acceleration_sigma
+    limit = max(settings.acceleration_limit, sigma * deviation(monitor.report_noise))
+    if abs(residual) < LEAST * limit and monitor.ticks % 10 == 0:
+        learn_noise(monitor.report_noise, residual, 0.0)
+    if own * residual < 0.0 or abs(own) < OWN_SHARE * abs(residual):
+        residual = 0.0
+    if abs(residual) > limit:
+        monitor.lead_reference = monitor.lead_slow
+    _take_if_worse(monitor.check, Ground.LEADS_WORD, residual, limit)
 
-    def _learn(self, off: float, jerk: float, step: float, slow_limit: float) -> None:
-        """Slope, noise and lag, from a healthy step."""
-        self._follow_baseline(off)
-        self._slope_known += STEP_S
-        slow = off - self._slope
-        if self._slope_known < WARM_UP:
-            self._slope += STEP_S / self._slope_known * slow
-        else:
-            rate = self._settings.slope_rate
-            self._slope += STEP_S * max(-rate, min(rate, slow / SLOPE_TIME))
-        if self._ticks % 10:
-            return
-        if not isnan(step):
-            self._step_noise.take(step, 0.0)
-        if abs(slow) < LEAST * slow_limit:
-            self._slow_noise.take(slow, 0.0)
-        moved = self._filtered - self.speed.derivative - self._baseline
-        self._lag_product += jerk * moved - self._lag_product / LAG_MEMORY
-        self._lag_square += jerk * jerk - (self._lag_square - LAG_PRIOR) / LAG_MEMORY
 
-    def _follow_baseline(self, off: float) -> None:
-        """What the difference was a moment ago."""
-        if isnan(self._baseline):
-            self._baseline = off
-        self._recent.append(off)
-        if len(self._recent) == BASELINE_DELAY:
-            self._baseline += self._base_share * (self._recent[0] - self._baseline)
+@inner
+def _against_observers(monitor, settings):
+    samples = monitor.samples
+    jump = 0.0
+    if is_full(samples):
+        jump = mean_of(samples, SAMPLES - SHARP, SAMPLES) - mean_of(samples, 0, SHARP)
+    # On a bad road, or over a kerb, even the mean of some samples jumps.
+    limit = settings.jump_limit * (SHAKEN_LIMIT if monitor.shaken else 1.0)
+    if abs(jump) > limit:
+        if not monitor.jumped_for:
+            monitor.lead_reference = mean_of(monitor.lead_recent, 0, 2 * BASELINE_DELAY // 3)
+            monitor.before = mean_of(samples, 0, SHARP)
+        monitor.jumped_for, monitor.jump_sign = JUMP_MEMORY, 1.0 if jump > 0 else -1.0
+    if not monitor.jumped_for:
+        _take_if_worse(monitor.check, Ground.OBSERVERS, jump, limit)
+        return
+    monitor.jumped_for -= 1
+    # A jump that the observers answer with the opposite one is the car's own.
+    now = mean_of(samples, samples.count - SHARP, samples.count)
+    residual = now - monitor.before + monitor.relative_now - monitor.relative
+    if residual * monitor.jump_sign < 0.0:
+        residual = 0.0
+    _take_if_worse(monitor.check, Ground.OBSERVERS, residual, 0.8 * limit)
 
-    def _still_off(self, off: float) -> Check:
-        """A faulty signal against what the difference was before the fault."""
-        residual = off - self._reference
-        self._off += 3.0 * STEP_S * (residual - self._off)
-        self._settled += 1
-        self._estimate_size(residual)
-        least = LEAST if self.kind is Kind.OFFSET else self._settings.acceleration_limit
-        limit = max(0.5 * abs(self._off), least)
-        self._follow_baseline(off)
-        step = (off - self._baseline) * (1.0 if self._off > 0 else -1.0)
-        back = step < -BACK * abs(self._off) and abs(self._off) > LEAST
-        self._back_for = self._back_for + 1 if back else 0
-        if self._back_for >= BACK_STEPS:
-            # What made the fault was undone; how the slope has changed meanwhile nobody knows.
-            self._settling = True
-        return Check("host speed", 0.0 if self._settling else residual, limit, self.kind)
 
-    def _estimate_size(self, residual: float) -> None:
-        """Of a jump just after it, when the slope has hardly changed; of others as they are now."""
-        settled = self._settled
-        if self.kind is Kind.RAMP or settled < SIZE_FROM:
-            self.size = self._off
-        elif settled <= SIZE_TO:
-            self.size += (residual - self.size) / (settled - SIZE_FROM + 1)
-        drift = SLOPE_DRIFT**2 * min(settled * STEP_S, 1.0)
-        self.size_std = sqrt(self._step_noise.variance + drift)
+@inner
+def _still_off_lead(monitor, settings, lead_report):
+    """A faulty signal against the lead, who goes back to driving as most do."""
+    trusted = is_trusted(lead_report, settings)
+    if isnan(monitor.lead_reference):
+        monitor.lead_reference = monitor.lead_slow
+    mean = settings.lead_acceleration_mean
+    monitor.lead_reference += STEP_S / LEAD_MEMORY * (mean - monitor.lead_reference)
+    if trusted:
+        monitor.lead_reference = lead_report.acceleration
+    if isnan(monitor.lead) or isnan(monitor.lead_reference):
+        # Nothing to hold it against: it stays what it was.
+        monitor.agreeing = 0.0
+        monitor.check.ground = Ground.NONE
+        return
+    residual = monitor.lead - monitor.lead_reference
+    monitor.settled += 1
+    monitor.off += 3.0 * STEP_S * (residual - monitor.off)
+    _estimate_size(monitor, residual)
+    monitor.size_std = BLIND_STD
+    limit = settings.acceleration_limit if trusted else settings.jump_limit
+    set_check(monitor.check, Ground.OBSERVERS, residual, limit, monitor.kind, np.nan)
 
-    def _follow_lead(self, relative_acceleration: float) -> None:
-        """The lead's acceleration as accelerometer and observers make it."""
-        if isnan(relative_acceleration):
-            self._radar_gone += 1
-            if self._radar_gone > RADAR_GONE:
-                self._lead = nan
-                self._lead_recent.clear()
-                return
-        else:
-            self._radar_gone = 0
-            if not self._jumped_for:
-                self._relative = relative_acceleration
-        now = self._relative if isnan(relative_acceleration) else relative_acceleration
-        self._relative_now = now
-        self._relative_slow += self._relative_share * (now - self._relative_slow)
-        self._lead = self._filtered + now
-        if not self.confidence and not self._jumped_for:
-            self._lead_recent.append(self._lead)
-            if isnan(self._lead_slow):
-                self._lead_slow = self._lead
-            self._lead_slow += self._base_share * (self._lead_recent[0] - self._lead_slow)
 
-    def _against_lead(self, lead_report: LeadReport) -> Check | None:
-        """Without the host's speed: against its own past, the observers and the lead's word."""
-        settings = self._settings
-        if self.faulty:
-            return self._still_off_lead(lead_report)
-        if len(self._lead_recent) < BASELINE_DELAY or isnan(self._lead):
-            return None
-        checks = []
-        if lead_report.trusted:
-            checks.append(self._against_report(lead_report))
-        if settings.use_observers:
-            checks.append(self._against_observers())
-        return max(checks, key=lambda c: abs(c.residual) / c.limit, default=None)
-
-    def _against_report(self, lead_report: LeadReport) -> Check:
-        """Blamed only for what it did itself: the lead's word may be wrong as well."""
-        settings = self._settings
-        off = self._lead - lead_report.acceleration
-        self._report_off += self._share * (off - self._report_off)
-        residual = self._report_off
-        own = self._lead - self._lead_slow
-        sigma = settings.acceleration_sigma
-        limit = max(settings.acceleration_limit, sigma * self._report_noise.deviation)
-        if abs(residual) < LEAST * limit and self._ticks % 10 == 0:
-            self._report_noise.take(residual, 0.0)
-        if own * residual < 0.0 or abs(own) < OWN_SHARE * abs(residual):
-            residual = 0.0
-        check = Check("lead's word", residual, limit, Kind.OFFSET)
-        if check.exceeded:
-            self._lead_reference = self._lead_slow
-        return check
-
-    def _against_observers(self) -> Check:
-        settings = self._settings
-        samples = list(self._samples)
-        jump = 0.0
-        if len(samples) == 2 * SHARP + SHARP_GAP:
-            jump = (sum(samples[-SHARP:]) - sum(samples[:SHARP])) / SHARP
-        # On a bad road, or over a kerb, even the mean of some samples jumps.
-        limit = settings.jump_limit * (SHAKEN_LIMIT if self._shaken else 1.0)
-        if abs(jump) > limit:
-            if not self._jumped_for:
-                recent = list(self._lead_recent)[: 2 * BASELINE_DELAY // 3]
-                self._lead_reference = sum(recent) / len(recent)
-                self._before = sum(samples[:SHARP]) / SHARP
-            self._jumped_for, self._jump_sign = JUMP_MEMORY, 1.0 if jump > 0 else -1.0
-        if not self._jumped_for:
-            return Check("observers", jump, limit, Kind.OFFSET)
-        self._jumped_for -= 1
-        # A jump that the observers answer with the opposite one is the car's own.
-        now = sum(samples[-SHARP:]) / SHARP
-        residual = now - self._before + self._relative_now - self._relative
-        if residual * self._jump_sign < 0.0:
-            residual = 0.0
-        return Check("observers", residual, 0.8 * limit, Kind.OFFSET)
-
-    def _still_off_lead(self, lead_report: LeadReport) -> Check | None:
-        """A faulty signal against the lead, who goes back to driving as most do."""
-        settings = self._settings
-        if isnan(self._lead_reference):
-            self._lead_reference = self._lead_slow
-        self._lead_reference += (
-            STEP_S / LEAD_MEMORY * (settings.lead_acceleration_mean - self._lead_reference)
-        )
-        if lead_report.trusted:
-            self._lead_reference = lead_report.acceleration
-        if isnan(self._lead) or isnan(self._lead_reference):
-            # Nothing to hold it against: it stays what it was.
-            self._agreeing = 0.0
-            return None
-        residual = self._lead - self._lead_reference
-        self._settled += 1
-        self._off += 3.0 * STEP_S * (residual - self._off)
-        self._estimate_size(residual)
-        self.size_std = BLIND_STD
-        limit = settings.acceleration_limit if lead_report.trusted else settings.jump_limit
-        return Check("observers", residual, limit, self.kind)
-
-    def evidence(self) -> str:
-        """What the newest check says, in words."""
-        if self.check is None or not isfinite(self.check.residual):
-            return "nothing to hold it against yet"
-        return self.check.text()
+@inner
+def has_evidence(monitor):
+    """Whether the newest check says anything in figures."""
+    return monitor.check.ground != Ground.NONE and isfinite(monitor.check.residual)

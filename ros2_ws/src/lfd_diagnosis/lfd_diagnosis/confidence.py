@@ -2,26 +2,34 @@
 
 from math import isnan
 
+import numpy as np
+from numpy.typing import NDArray
 
-class Confidence:
-    """A counter between 0 and a ceiling, in steps."""
+from lfd_mpc.compiled import entry, inner
 
-    def __init__(self, index_threshold: float, fault_threshold: int, ceiling: int) -> None:
-        self.index_threshold = index_threshold
-        self.fault_threshold = fault_threshold
-        self._ceiling = ceiling
-        self.value = 0
 
-    @property
-    def faulty(self) -> bool:
-        """Whether the confidence has reached its threshold (Table 1)."""
-        return self.value >= self.fault_threshold
+@inner
+def next_confidence(confidence, index, index_threshold, ceiling):
+    """Count one step, between 0 and `ceiling`; an undefined index (NaN) starts from zero again."""
+    if isnan(index):
+        return 0
+    if index >= index_threshold:
+        return min(confidence + 1, ceiling)
+    return max(confidence - 1, 0)
 
-    def step(self, index: float) -> None:
-        """Count one step; an undefined index (NaN) starts the count again from zero."""
-        if isnan(index):
-            self.value = 0
-        elif index >= self.index_threshold:
-            self.value = min(self.value + 1, self._ceiling)
-        else:
-            self.value = max(self.value - 1, 0)
+
+@entry
+def _count(indices, index_threshold, ceiling, confidences):
+    confidence = 0
+    for k in range(len(indices)):
+        confidence = next_confidence(confidence, indices[k], index_threshold, ceiling)
+        confidences[k] = confidence
+
+
+def confidences(
+    indices: NDArray[np.float64], index_threshold: float, ceiling: int
+) -> NDArray[np.int64]:
+    """Confidence (n,) in steps over n steps with `indices` (n,), from zero on."""
+    counted = np.zeros(len(indices), dtype=np.int64)
+    _count(np.ascontiguousarray(indices), index_threshold, ceiling, counted)
+    return counted

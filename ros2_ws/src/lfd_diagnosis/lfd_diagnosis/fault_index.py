@@ -4,9 +4,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_diagnosis.settings import DiagnosisSettings
+from lfd_mpc.compiled import entry, inner
 from lfd_mpc.settings import STEP_S
 
 Array = NDArray[np.float64]
+
+
+@inner
+def is_outside(measured, predicted, lower, upper):
+    """Whether a measurement leaves the limits around a prediction; false where that is NaN."""
+    deviation = measured - predicted
+    return deviation < lower or deviation > upper
+
+
+@entry
+def _outside(measured, predicted, lower, upper, marked):
+    for i in range(len(predicted)):
+        for k in range(2):
+            marked[i, k] = is_outside(measured[k], predicted[i, k], lower[i, k], upper[i, k])
 
 
 class PredictionLimits:
@@ -27,5 +42,6 @@ class PredictionLimits:
 
     def outside(self, measured: Array, predicted: Array) -> NDArray[np.bool_]:
         """Whether `measured` (2,) leaves the limits around `predicted` (N, 2); shape (N, 2)."""
-        deviation = measured - predicted
-        return (deviation < self.lower) | (deviation > self.upper)
+        marked = np.empty(predicted.shape, dtype=bool)
+        _outside(measured, predicted, self.lower, self.upper, marked)
+        return marked

@@ -1,7 +1,11 @@
 """What is learnt of a healthy signal: its noise, how rough it is, how long it repeats itself."""
 
-from collections import deque
-from math import inf, log, sqrt
+from math import log, sqrt
+
+import numpy as np
+
+from lfd_mpc.compiled import inner
+from lfd_mpc.settings import STEP_S
 
 LEARNT = 400
 """Samples over which noise is averaged once so many are known, where nothing else is stated."""
@@ -21,154 +25,239 @@ EQUAL = 1e-6
 STEPS = 0.6
 """Steps of a signal's resolution that its second differences are at least taken for."""
 
+ROUGH_RATIO, ROUGH_SHARE = 5.0, 0.4
+"""Rough: so many usual deviations are exceeded by such a share of the last samples."""
 
-def is_new(at: float, last_at: float) -> bool:
+WIDEST_WINDOW = 64
+"""Samples that such a share is taken of at most."""
+
+CHANCE = 1e-7
+"""Probability below which a run of equal samples is no coincidence."""
+
+ENOUGH = 100
+"""Samples that must be known before a run is called too long."""
+
+
+@inner
+def is_new(at, last_at):
     """Whether a sample of time `at` (s) is another one than that of `last_at`."""
     return at > last_at + SAME_STAMP
 
 
-class LearntNoise:
-    """Standard deviation of a signal's noise, from a first value on, within limits."""
-
-    def __init__(
-        self, first: float, lowest: float, highest: float, learn: bool, memory: int = LEARNT
-    ) -> None:
-        """All three in the signal's unit; without `learn` the first value stays."""
-        self._memory = memory
-        self._variance = first * first
-        self._range = lowest * lowest, highest * highest
-        self._learn = learn
-        self.count = 0
-
-    @property
-    def variance(self) -> float:
-        """In the square of the signal's unit."""
-        return self._variance
-
-    @property
-    def deviation(self) -> float:
-        """In the signal's unit."""
-        return sqrt(self._variance)
-
-    def take(self, innovation: float, predicted_variance: float) -> None:
-        """Learn from one innovation whose prediction was as uncertain as stated."""
-        self.count += 1
-        if not self._learn:
-            return
-        spread = predicted_variance + self._variance
-        excess = min(innovation * innovation, GIVE * GIVE * spread) - predicted_variance
-        share = 1.0 / min(self.count + PRIOR, self._memory)
-        lowest, highest = self._range
-        self._variance += share * (excess - self._variance)
-        self._variance = min(max(self._variance, lowest), highest)
+def share_of(time: float) -> float:
+    """What a first-order filter of that time constant (s) takes of a new value each step."""
+    return STEP_S / (time + STEP_S)
 
 
-class Roughness:
-    """Whether a signal jumps up and down from sample to sample far more than it used to.
-
-    Second differences: smooth motion, however fast, hardly has any.
-    """
-
-    ratio, needed = 5.0, 0.4
-    """Rough: so many usual deviations are exceeded by such a share of the last samples."""
-
-    def __init__(self, window: int) -> None:
-        """`window`: how many samples the share is taken of."""
-        self._recent: deque[bool] = deque([False] * window, maxlen=window)
-        self._count = 0
-        self._before: tuple[float, ...] = ()
-        self._usual = 0.0
-        self._resolution = inf
-        self._known = 0
-
-    @property
-    def rough(self) -> bool:
-        """Whether it is so now."""
-        return self._count >= self.needed * len(self._recent)
-
-    @property
-    def share(self) -> float:
-        """Share of the window's samples that exceed their limit."""
-        return self._count / len(self._recent)
-
-    @property
-    def deviation(self) -> float:
-        """Usual standard deviation of one sample, as if its noise were white."""
-        return sqrt(self._usual / 6.0)
-
-    @property
-    def resolution(self) -> float:
-        """Smallest step seen between two samples; infinite before any was seen."""
-        return self._resolution
-
-    def restart(self) -> None:
-        """The next sample has nothing to do with those before."""
-        self._before = ()
-
-    def take(self, value: float, healthy: bool) -> None:
-        """Take one sample; only healthy ones are learnt from."""
-        if len(self._before) < 2:
-            self._before = (*self._before, value)
-            return
-        first = abs(value - self._before[1])
-        if EQUAL < first < self._resolution and healthy:
-            self._resolution = first
-        second = value - 2.0 * self._before[1] + self._before[0]
-        self._before = (self._before[1], value)
-        square = second * second
-        known = self._known >= 3 * len(self._recent)
-        usual = max(self._usual, (STEPS * self._resolution) ** 2)
-        exceeds = known and square > self.ratio * self.ratio * usual
-        self._count += exceeds - self._recent[0]
-        self._recent.append(exceeds)
-        if healthy:
-            self._known += 1
-            if known:
-                square = min(square, GIVE * GIVE * self._usual)
-            self._usual += (square - self._usual) / min(self._known, 5 * LEARNT)
+filter_share = inner(share_of)
+"""The same for compiled functions."""
 
 
-class Repetition:
-    """How long a signal has said the very same number, and whether that is longer than it may."""
+LEARNT_NOISE = np.dtype(
+    [
+        ("variance", "f8"),
+        ("lowest", "f8"),
+        ("highest", "f8"),
+        ("memory", "i8"),
+        ("count", "i8"),
+        ("learn", "?"),
+    ],
+    align=True,
+)
+"""Variance of a signal's noise, in the square of its unit, between a lowest and a highest one."""
 
-    chance = 1e-7
-    """Probability below which a run of equal samples is no coincidence."""
-    enough = 100
-    """Samples that must be known before anything is called too long."""
 
-    def __init__(self, least: int) -> None:
-        """`least`: equal samples in a row that are never suspect."""
-        self._least = least
-        self._value: float | None = None
-        self._longest = 0
-        self._equal = self._samples = 0
-        self.run = 0
+@inner
+def start_noise(noise, first, lowest, highest, learn, memory):
+    """Begin with deviations in the signal's unit; without `learn` the first one stays."""
+    noise.variance = first * first
+    noise.lowest, noise.highest = lowest * lowest, highest * highest
+    noise.memory, noise.learn = memory, learn
+    noise.count = 0
 
-    @property
-    def limit(self) -> float:
-        """Length of a run from which on it is no coincidence; infinite while little is known."""
-        if self._samples < self.enough:
-            return float("inf")
-        share = min(max(self._equal / self._samples, 0.01), 0.99)
-        return max(self._least, 2 * self._longest + 2, log(self.chance) / log(share))
 
-    @property
-    def frozen(self) -> bool:
-        """Whether the run is longer than any healthy one could be."""
-        return self.run >= self.limit
+@inner
+def learn_noise(noise, innovation, predicted_variance):
+    """Learn from one innovation whose prediction was as uncertain as stated."""
+    noise.count += 1
+    if not noise.learn:
+        return
+    spread = predicted_variance + noise.variance
+    excess = min(innovation * innovation, GIVE * GIVE * spread) - predicted_variance
+    share = 1.0 / min(noise.count + PRIOR, noise.memory)
+    variance = noise.variance + share * (excess - noise.variance)
+    noise.variance = min(max(variance, noise.lowest), noise.highest)
 
-    def restart(self) -> None:
-        """The next sample has nothing to do with those before."""
-        self._value, self.run = None, 0
 
-    def take(self, value: float, healthy: bool) -> bool:
-        """Take one sample, only healthy ones are learnt from; whether it equals the one before."""
-        equal = value == self._value
-        if healthy:
-            self._samples += 1
-            self._equal += equal
-            if not equal:
-                self._longest = max(self._longest, self.run)
-        self._value = value
-        self.run = self.run + 1 if equal else 0
-        return equal
+ROUGHNESS = np.dtype(
+    [
+        ("recent", "i1", (WIDEST_WINDOW,)),
+        ("next", "i8"),
+        ("window", "i8"),
+        ("count", "i8"),
+        ("before", "f8", (2,)),
+        ("samples_before", "i8"),
+        ("usual", "f8"),
+        ("resolution", "f8"),
+        ("known", "i8"),
+    ],
+    align=True,
+)
+"""Whether a signal jumps up and down from sample to sample far more than it used to.
+
+Second differences: smooth motion, however fast, hardly has any. `resolution` is the smallest step
+seen between two samples, infinite before any was seen.
+"""
+
+
+@inner
+def start_roughness(roughness, window):
+    """Begin with nothing; `window`: of how many samples the share is taken."""
+    roughness.recent[:] = 0
+    roughness.window = window
+    roughness.next = roughness.count = roughness.samples_before = roughness.known = 0
+    roughness.usual = 0.0
+    roughness.resolution = np.inf
+
+
+@inner
+def is_rough(roughness):
+    """Whether it is so now."""
+    return roughness.count >= ROUGH_SHARE * roughness.window
+
+
+@inner
+def rough_share(roughness):
+    """Share of the window's samples that exceed their limit."""
+    return roughness.count / roughness.window
+
+
+@inner
+def restart_roughness(roughness):
+    """The next sample has nothing to do with those before."""
+    roughness.samples_before = 0
+
+
+@inner
+def take_roughness(roughness, value, healthy):
+    """Take one sample; only healthy ones are learnt from."""
+    before = roughness.before
+    if roughness.samples_before < 2:
+        before[roughness.samples_before] = value
+        roughness.samples_before += 1
+        return
+    first = abs(value - before[1])
+    if EQUAL < first < roughness.resolution and healthy:
+        roughness.resolution = first
+    second = value - 2.0 * before[1] + before[0]
+    before[0], before[1] = before[1], value
+    square = second * second
+    known = roughness.known >= 3 * roughness.window
+    usual = max(roughness.usual, (STEPS * roughness.resolution) ** 2)
+    exceeds = known and square > ROUGH_RATIO * ROUGH_RATIO * usual
+    roughness.count += exceeds - roughness.recent[roughness.next]
+    roughness.recent[roughness.next] = exceeds
+    roughness.next = (roughness.next + 1) % roughness.window
+    if healthy:
+        roughness.known += 1
+        if known:
+            square = min(square, GIVE * GIVE * roughness.usual)
+        roughness.usual += (square - roughness.usual) / min(roughness.known, 5 * LEARNT)
+
+
+REPETITION = np.dtype(
+    [
+        ("least", "i8"),
+        ("value", "f8"),
+        ("longest", "i8"),
+        ("equal", "i8"),
+        ("samples", "i8"),
+        ("run", "i8"),
+    ],
+    align=True,
+)
+"""How long a signal has said the very same number, and whether that is longer than it may."""
+
+
+@inner
+def start_repetition(repetition, least):
+    """Begin with nothing; `least`: equal samples in a row that are never suspect."""
+    repetition.least, repetition.value = least, np.nan
+    repetition.longest = repetition.equal = repetition.samples = repetition.run = 0
+
+
+@inner
+def is_frozen(repetition):
+    """Whether the run is longer than any healthy one could be; false while little is known."""
+    if repetition.samples < ENOUGH or repetition.run < repetition.least:
+        return False
+    share = min(max(repetition.equal / repetition.samples, 0.01), 0.99)
+    limit = max(float(2 * repetition.longest + 2), log(CHANCE) / log(share))
+    return repetition.run >= limit
+
+
+@inner
+def restart_repetition(repetition):
+    """The next sample has nothing to do with those before."""
+    repetition.value, repetition.run = np.nan, 0
+
+
+@inner
+def take_repetition(repetition, value, healthy):
+    """Take one sample, only healthy ones are learnt from; whether it equals the one before."""
+    equal = value == repetition.value
+    if healthy:
+        repetition.samples += 1
+        repetition.equal += equal
+        if not equal:
+            repetition.longest = max(repetition.longest, repetition.run)
+    repetition.value = value
+    repetition.run = repetition.run + 1 if equal else 0
+    return equal
+
+
+RING = np.dtype(
+    [("values", "f8", (32,)), ("size", "i8"), ("count", "i8"), ("next", "i8")], align=True
+)
+"""The last `size` values of something."""
+
+
+@inner
+def start_ring(ring, size):
+    """Begin with none of at most 32."""
+    ring.size, ring.count, ring.next = size, 0, 0
+
+
+@inner
+def append(ring, value):
+    """Add a value; the oldest one goes where there are too many."""
+    ring.values[ring.next] = value
+    ring.next = (ring.next + 1) % ring.size
+    ring.count = min(ring.count + 1, ring.size)
+
+
+@inner
+def is_full(ring):
+    """Whether there are as many as are kept."""
+    return ring.count == ring.size
+
+
+@inner
+def at(ring, number):
+    """The value of that number, 0 = oldest."""
+    return ring.values[(ring.next - ring.count + number) % ring.size]
+
+
+@inner
+def mean_of(ring, first, last):
+    """Mean of the values from number `first` to before `last`."""
+    total = 0.0
+    for i in range(first, last):
+        total += at(ring, i)
+    return total / (last - first)
+
+
+@inner
+def deviation(noise):
+    """Standard deviation of a noise, in the signal's unit."""
+    return sqrt(noise.variance)

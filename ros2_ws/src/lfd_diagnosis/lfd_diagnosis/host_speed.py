@@ -1,10 +1,32 @@
 """The host's speed as evidence: its derivative, and whether it can be believed."""
 
-from math import inf, isfinite, isnan, nan
+from math import isfinite, isnan
 
-from lfd_diagnosis.healthy_signal import LearntNoise, Repetition, Roughness, is_new
-from lfd_diagnosis.settings import DiagnosisSettings
+import numpy as np
+
+from lfd_diagnosis.evidence import BECAUSE, Ground, give_ground
+from lfd_diagnosis.healthy_signal import (
+    LEARNT_NOISE,
+    REPETITION,
+    ROUGHNESS,
+    deviation,
+    filter_share,
+    is_frozen,
+    is_new,
+    is_rough,
+    learn_noise,
+    restart_repetition,
+    restart_roughness,
+    rough_share,
+    share_of,
+    start_noise,
+    start_repetition,
+    start_roughness,
+    take_repetition,
+    take_roughness,
+)
 from lfd_diagnosis.verdict import Kind
+from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
 
 STANDING = 0.3
@@ -25,121 +47,155 @@ ROUGH_TIME = 0.3
 SETTLING = 4.0
 """Filter times after which the derivative counts."""
 
+JERK_SHARE = share_of(JERK_FILTER)
 
-def share_of(time: float) -> float:
-    """What a first-order filter of that time constant (s) takes of a new value each step."""
-    return STEP_S / (time + STEP_S)
+HOST_SPEED = np.dtype(
+    [
+        ("noise", LEARNT_NOISE),
+        ("roughness", ROUGHNESS),
+        ("repetition", REPETITION),
+        ("faulty", "?"),
+        ("kind", "i8"),
+        ("because", BECAUSE),
+        ("size", "f8"),
+        ("off", "f8"),
+        ("quiet", "f8"),
+        ("last", "f8"),
+        ("last_at", "f8"),
+        ("rough_for", "f8"),
+        ("filtered", "f8"),
+        ("derivative", "f8"),
+        ("slow_derivative", "f8"),
+        ("followed", "f8"),
+    ],
+    align=True,
+)
+"""Derivative (m/s^2) of the host's speed, as long as its samples make sense."""
 
 
-class HostSpeed:
-    """Derivative and jerk from samples of the host's speed, as long as they make sense."""
+@inner
+def start_speed(speed, learn):
+    """Begin with nothing."""
+    start_noise(speed.noise, 0.03, 0.003, 1.0, learn, 400)
+    start_roughness(speed.roughness, 32)
+    start_repetition(speed.repetition, 10)
+    restart_speed(speed)
 
-    def __init__(self, settings: DiagnosisSettings) -> None:
-        self._settings = settings
-        self._noise = LearntNoise(0.03, 0.003, 1.0, settings.learn_noise)
-        self.roughness = Roughness(32)
-        self._repetition = Repetition(10)
-        self._filter_time = settings.host_speed_filter_time
-        self._share = share_of(self._filter_time)
-        self._jerk_share = share_of(JERK_FILTER)
-        self.restart()
 
-    def restart(self) -> None:
-        """Nothing from before counts but what was learnt."""
-        self._believe()
-        self._off = 0.0
-        self._quiet = 0.0
-        self.roughness.restart()
-        self._repetition.restart()
-        self.lose()
+@inner
+def restart_speed(speed):
+    """Nothing from before counts but what was learnt."""
+    _believe(speed)
+    speed.off = speed.quiet = 0.0
+    restart_roughness(speed.roughness)
+    restart_repetition(speed.repetition)
+    lose_speed(speed)
 
-    def _believe(self) -> None:
-        self.faulty, self.kind, self.because = False, Kind.UNKNOWN, ""
-        self.size = nan
 
-    def lose(self) -> None:
-        """No sample, or none that is new enough."""
-        self.last, self._last_at = nan, -inf
-        self._rough_for = 0.0
-        self._stop_following()
+@inner
+def _believe(speed):
+    speed.faulty, speed.kind, speed.size = False, Kind.UNKNOWN, np.nan
+    speed.because.ground = Ground.NONE
 
-    def _stop_following(self) -> None:
-        self._filtered = self.derivative = self._slow_derivative = nan
-        self._followed = 0.0
 
-    @property
-    def usable(self) -> bool:
-        """Whether `derivative` (m/s^2) is evidence now."""
-        return self._followed >= SETTLING * self._filter_time
+@inner
+def lose_speed(speed):
+    """No sample, or none that is new enough."""
+    speed.last, speed.last_at = np.nan, -np.inf
+    speed.rough_for = 0.0
+    _stop_following(speed)
 
-    @property
-    def moving(self) -> bool:
-        """Whether the car surely moves."""
-        return abs(self.last) > STANDING
 
-    @property
-    def jerk(self) -> float:
-        """m/s^3, filtered."""
-        return (self.derivative - self._slow_derivative) / JERK_FILTER
+@inner
+def _stop_following(speed):
+    speed.filtered = speed.derivative = speed.slow_derivative = np.nan
+    speed.followed = 0.0
 
-    def step(self, at: float, value: float, acceleration: float, shaken: bool) -> None:
-        """One step: newest sample in m/s of time `at` in s, the host accelerating as stated.
 
-        `shaken`: the accelerometer feels a bad road.
-        """
-        if is_new(at, self._last_at):
-            self._take(at, value, acceleration, shaken)
-        if self.faulty:
-            self._stop_following()
-            return
-        if isnan(self._filtered):
-            # As if the host had gone on like this for long.
-            self._slow_derivative = acceleration
-            self._filtered = value - acceleration * self._filter_time
-        self._filtered += self._share * (value - self._filtered)
-        self.derivative = (value - self._filtered) / self._filter_time
-        self._slow_derivative += self._jerk_share * (self.derivative - self._slow_derivative)
-        self._followed += STEP_S
+@inner
+def is_usable(speed, settings):
+    """Whether its derivative is evidence now."""
+    return speed.followed >= SETTLING * settings.host_speed_filter_time
 
-    def _take(self, at: float, value: float, acceleration: float, shaken: bool) -> None:
-        settings = self._settings
-        healthy = not self.faulty
-        self.roughness.take(value, healthy)
-        self._repetition.take(value, healthy)
-        period = min(at - self._last_at, 1.0)
-        if isfinite(self.last):
-            self._check_jump(value, period, acceleration)
-        self.last, self._last_at = value, at
-        self._rough_for = self._rough_for + period if self.roughness.rough else 0.0
-        if settings.check_repetition and self._repetition.frozen and self.moving:
-            run = self._repetition.run + 1
-            self._convict(Kind.HOLD, nan, f"{value:.2f} m/s for {run} samples on end")
-        elif settings.check_roughness and self._rough_for >= ROUGH_TIME and not shaken:
-            share = self.roughness.share
-            self._convict(Kind.NOISE, nan, f"{share:.0%} of its samples far rougher than before")
-        else:
-            self._quiet += period
-        # A speed that jumped and goes on smoothly is as good for its derivative, but who knows.
-        needed = settings.requalify_time if self._off else settings.clear_time
-        if self.faulty and self._quiet >= needed:
-            self._believe()
-            self._off = 0.0
 
-    def _check_jump(self, value: float, period: float, acceleration: float) -> None:
-        jump = value - self.last - acceleration * period
-        limit = max(JUMP, 8.0 * self._noise.deviation) + POSSIBLE_ACCELERATION * period
-        if abs(jump) <= limit:
-            if not self.faulty:
-                self._noise.take(jump, 0.0)
-            return
-        self._off += jump
-        if self.faulty and abs(self._off) <= limit:
-            self._off = 0.0
-        kind = Kind.ZERO if value == 0.0 else Kind.OFFSET
-        reason = f"a jump of {jump:.2f} m/s in {period * 1000:.0f} ms (limit {limit:.2f})"
-        self._convict(kind, jump, reason)
+@inner
+def is_moving(speed):
+    """Whether the car surely moves."""
+    return abs(speed.last) > STANDING
 
-    def _convict(self, kind: Kind, size: float, because: str) -> None:
-        self._quiet = 0.0
-        if not self.faulty:
-            self.faulty, self.kind, self.size, self.because = True, kind, size, because
+
+@inner
+def jerk_of(speed):
+    """m/s^3, filtered."""
+    return (speed.derivative - speed.slow_derivative) / JERK_FILTER
+
+
+@inner
+def follow_speed(speed, settings, at, value, acceleration, shaken):
+    """One step: newest sample in m/s of time `at` in s, the host accelerating as stated.
+
+    `shaken`: the accelerometer feels a bad road.
+    """
+    if is_new(at, speed.last_at):
+        _take(speed, settings, at, value, acceleration, shaken)
+    if speed.faulty:
+        _stop_following(speed)
+        return
+    filter_time = settings.host_speed_filter_time
+    if isnan(speed.filtered):
+        # As if the host had gone on like this for long.
+        speed.slow_derivative = acceleration
+        speed.filtered = value - acceleration * filter_time
+    speed.filtered += filter_share(filter_time) * (value - speed.filtered)
+    speed.derivative = (value - speed.filtered) / filter_time
+    speed.slow_derivative += JERK_SHARE * (speed.derivative - speed.slow_derivative)
+    speed.followed += STEP_S
+
+
+@inner
+def _take(speed, settings, at, value, acceleration, shaken):
+    healthy = not speed.faulty
+    take_roughness(speed.roughness, value, healthy)
+    take_repetition(speed.repetition, value, healthy)
+    period = min(at - speed.last_at, 1.0)
+    if isfinite(speed.last):
+        _check_jump(speed, value, period, acceleration)
+    speed.last, speed.last_at = value, at
+    rough = is_rough(speed.roughness)
+    speed.rough_for = speed.rough_for + period if rough else 0.0
+    if settings.check_repetition and is_frozen(speed.repetition) and is_moving(speed):
+        run = speed.repetition.run + 1
+        _convict(speed, Kind.HOLD, np.nan, Ground.SPEED_HELD, value, run, 0.0)
+    elif settings.check_roughness and speed.rough_for >= ROUGH_TIME and not shaken:
+        share = rough_share(speed.roughness)
+        _convict(speed, Kind.NOISE, np.nan, Ground.ROUGHNESS, share, 0.0, 0.0)
+    else:
+        speed.quiet += period
+    # A speed that jumped and goes on smoothly is as good for its derivative, but who knows.
+    needed = settings.requalify_time if speed.off != 0.0 else settings.clear_time
+    if speed.faulty and speed.quiet >= needed:
+        _believe(speed)
+        speed.off = 0.0
+
+
+@inner
+def _check_jump(speed, value, period, acceleration):
+    jump = value - speed.last - acceleration * period
+    limit = max(JUMP, 8.0 * deviation(speed.noise)) + POSSIBLE_ACCELERATION * period
+    if abs(jump) <= limit:
+        if not speed.faulty:
+            learn_noise(speed.noise, jump, 0.0)
+        return
+    speed.off += jump
+    if speed.faulty and abs(speed.off) <= limit:
+        speed.off = 0.0
+    kind = Kind.ZERO if value == 0.0 else Kind.OFFSET
+    _convict(speed, kind, jump, Ground.SPEED_JUMPED, jump, period, limit)
+
+
+@inner
+def _convict(speed, kind, size, ground, first, second, third):
+    speed.quiet = 0.0
+    if not speed.faulty:
+        speed.faulty, speed.kind, speed.size = True, kind, size
+        give_ground(speed.because, ground, first, second, third)

@@ -6,109 +6,119 @@ estimated all the time, an input that is wrong for good changes that estimate an
 accelerometer's fault is not blamed on the radar.
 """
 
-from dataclasses import dataclass
+import numpy as np
 
+from lfd_mpc.compiled import inner
 
-@dataclass
-class LeadTrack:
-    """Estimate of `clearance` (m), `velocity` (relative, m/s) and `acceleration` (lead, m/s^2).
-
-    `cc` to `aa` are the elements of its covariance, in the units of those.
-    """
-
-    clearance: float
-    velocity: float
-    acceleration: float
-    cc: float
-    cv: float
-    ca: float
-    vv: float
-    va: float
-    aa: float
-
-    @classmethod
-    def start(
-        cls, clearance: float, velocity: float, acceleration: float, noise: tuple[float, float]
-    ) -> "LeadTrack":
-        """A track from one scan; `noise` in m and m/s, the lead's acceleration is hardly known."""
-        return cls(
-            clearance, velocity, acceleration, noise[0] ** 2, 0.0, 0.0, noise[1] ** 2, 0.0, 2.0
+LEAD_TRACK = np.dtype(
+    [
+        (name, "f8")
+        for name in (
+            "clearance",
+            "velocity",
+            "acceleration",
+            "cc",
+            "cv",
+            "ca",
+            "vv",
+            "va",
+            "aa",
         )
+    ],
+    align=True,
+)
+"""Estimate of `clearance` (m), `velocity` (relative, m/s) and `acceleration` (lead, m/s^2).
 
-    def copy(self) -> "LeadTrack":
-        """An estimate of its own."""
-        return LeadTrack(*vars(self).values())
+`cc` to `aa` are the elements of its covariance, in the units of those.
+"""
 
-    def predict(
-        self, dt: float, host_acceleration: float, keep: float, mean: float, jerk: float
-    ) -> None:
-        """Go on by `dt` s under the host's acceleration in m/s^2.
 
-        The lead's acceleration goes back to `mean` (m/s^2), a share `keep` of the rest remains;
-        `jerk` is the density of its random changes in m^2/s^5.
-        """
-        relative = self.acceleration - host_acceleration
-        self.clearance += dt * (self.velocity + 0.5 * dt * relative)
-        self.velocity += dt * relative
-        self.acceleration = mean + keep * (self.acceleration - mean)
-        h = 0.5 * dt * dt
-        cc, cv, ca, vv, va, aa = self.cc, self.cv, self.ca, self.vv, self.va, self.aa
-        self.cc = cc + 2 * dt * cv + 2 * h * ca + dt * dt * vv + 2 * dt * h * va + h * h * aa
-        self.cv = cv + dt * (ca + vv) + (dt * dt + h) * va + dt * h * aa
-        self.ca = keep * (ca + dt * va + h * aa)
-        self.vv = vv + 2 * dt * va + dt * dt * aa + jerk * dt**3 / 3
-        self.va = keep * (va + dt * aa) + jerk * dt * dt / 2
-        self.aa = keep * keep * aa + jerk * dt
+@inner
+def start_track(track, clearance, velocity, acceleration, clearance_variance, velocity_variance):
+    """Begin from one scan, variances in m^2 and m^2/s^2; how the lead accelerates is hardly
+    known."""
+    track.clearance, track.velocity, track.acceleration = clearance, velocity, acceleration
+    track.cc, track.vv, track.aa = clearance_variance, velocity_variance, 2.0
+    track.cv = track.ca = track.va = 0.0
 
-    def correct_clearance(self, innovation: float, variance: float) -> None:
-        """Take a clearance that is off by `innovation` m, of noise `variance` m^2."""
-        s = self.cc + variance
-        kc, kv, ka = self.cc / s, self.cv / s, self.ca / s
-        self.clearance += kc * innovation
-        self.velocity += kv * innovation
-        self.acceleration += ka * innovation
-        cc, cv, ca = self.cc, self.cv, self.ca
-        self.cc -= kc * cc
-        self.cv -= kc * cv
-        self.ca -= kc * ca
-        self.vv -= kv * cv
-        self.va -= kv * ca
-        self.aa -= ka * ca
 
-    def correct_velocity(self, innovation: float, variance: float) -> None:
-        """Take a relative velocity that is off by `innovation` m/s, of noise `variance` m^2/s^2."""
-        s = self.vv + variance
-        kc, kv, ka = self.cv / s, self.vv / s, self.va / s
-        self.clearance += kc * innovation
-        self.velocity += kv * innovation
-        self.acceleration += ka * innovation
-        cv, vv, va = self.cv, self.vv, self.va
-        self.cc -= kc * cv
-        self.cv -= kc * vv
-        self.ca -= kc * va
-        self.vv -= kv * vv
-        self.va -= kv * va
-        self.aa -= ka * va
+@inner
+def predict_track(track, dt, host_acceleration, keep, mean, jerk):
+    """Go on by `dt` s under the host's acceleration in m/s^2.
 
-    def believe(self, acceleration: float, deviation: float) -> None:
-        """Set the lead's acceleration to what is known better, in m/s^2, and its deviation."""
-        self.acceleration = acceleration
-        self.ca = self.va = 0.0
-        self.aa = deviation * deviation
+    The lead's acceleration goes back to `mean` (m/s^2), a share `keep` of the rest remains;
+    `jerk` is the density of its random changes in m^2/s^5.
+    """
+    relative = track.acceleration - host_acceleration
+    track.clearance += dt * (track.velocity + 0.5 * dt * relative)
+    track.velocity += dt * relative
+    track.acceleration = mean + keep * (track.acceleration - mean)
+    h = 0.5 * dt * dt
+    cc, cv, ca, vv, va, aa = track.cc, track.cv, track.ca, track.vv, track.va, track.aa
+    track.cc = cc + 2 * dt * cv + 2 * h * ca + dt * dt * vv + 2 * dt * h * va + h * h * aa
+    track.cv = cv + dt * (ca + vv) + (dt * dt + h) * va + dt * h * aa
+    track.ca = keep * (ca + dt * va + h * aa)
+    track.vv = vv + 2 * dt * va + dt * dt * aa + jerk * dt**3 / 3
+    track.va = keep * (va + dt * aa) + jerk * dt * dt / 2
+    track.aa = keep * keep * aa + jerk * dt
 
-    def set_clearance(self, clearance: float, variance: float) -> None:
-        """Start the clearance anew, in m and m^2."""
-        self.clearance, self.cc, self.cv, self.ca = clearance, variance, 0.0, 0.0
 
-    def set_velocity(self, velocity: float, variance: float) -> None:
-        """Start the relative velocity anew, in m/s and m^2/s^2."""
-        self.velocity, self.vv, self.cv, self.va = velocity, variance, 0.0, 0.0
+@inner
+def correct_clearance(track, innovation, variance):
+    """Take a clearance that is off by `innovation` m, of noise `variance` m^2."""
+    cc, cv, ca = track.cc, track.cv, track.ca
+    s = cc + variance
+    kc, kv, ka = cc / s, cv / s, ca / s
+    track.clearance += kc * innovation
+    track.velocity += kv * innovation
+    track.acceleration += ka * innovation
+    track.cc -= kc * cc
+    track.cv -= kc * cv
+    track.ca -= kc * ca
+    track.vv -= kv * cv
+    track.va -= kv * ca
+    track.aa -= ka * ca
 
-    def inform(self, acceleration: float, deviation: float) -> None:
-        """The lead itself says its acceleration in m/s^2; it may be off for good."""
-        self.acceleration = acceleration
-        self.aa = deviation * deviation
 
-    def variance(self, velocity: bool) -> float:
-        """Variance of the relative velocity (m^2/s^2), or of the clearance (m^2)."""
-        return self.vv if velocity else self.cc
+@inner
+def correct_velocity(track, innovation, variance):
+    """Take a relative velocity that is off by `innovation` m/s, of noise `variance` m^2/s^2."""
+    cv, vv, va = track.cv, track.vv, track.va
+    s = vv + variance
+    kc, kv, ka = cv / s, vv / s, va / s
+    track.clearance += kc * innovation
+    track.velocity += kv * innovation
+    track.acceleration += ka * innovation
+    track.cc -= kc * cv
+    track.cv -= kc * vv
+    track.ca -= kc * va
+    track.vv -= kv * vv
+    track.va -= kv * va
+    track.aa -= ka * va
+
+
+@inner
+def believe(track, acceleration, deviation):
+    """Set the lead's acceleration to what is known better, in m/s^2, and its deviation."""
+    track.acceleration = acceleration
+    track.ca = track.va = 0.0
+    track.aa = deviation * deviation
+
+
+@inner
+def set_clearance(track, clearance, variance):
+    """Start the clearance anew, in m and m^2."""
+    track.clearance, track.cc, track.cv, track.ca = clearance, variance, 0.0, 0.0
+
+
+@inner
+def set_velocity(track, velocity, variance):
+    """Start the relative velocity anew, in m/s and m^2/s^2."""
+    track.velocity, track.vv, track.cv, track.va = velocity, variance, 0.0, 0.0
+
+
+@inner
+def inform(track, acceleration, deviation):
+    """The lead itself says its acceleration in m/s^2; it may be off for good."""
+    track.acceleration = acceleration
+    track.aa = deviation * deviation

@@ -1,211 +1,260 @@
 """The paper's diagnosis: indices of what disagrees, counted into confidence (eqs 25, 26)."""
 
-from math import hypot, isnan, nan
+from math import isnan, sqrt
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lfd_diagnosis.confidence import Confidence
-from lfd_diagnosis.fault_index import PredictionLimits
-from lfd_diagnosis.report_book import ReportBook, silent
+from lfd_diagnosis.confidence import next_confidence
+from lfd_diagnosis.fault_index import PredictionLimits, is_outside
+from lfd_diagnosis.report_book import BOOK, enter_outcome
 from lfd_diagnosis.settings import DiagnosisSettings
-from lfd_diagnosis.verdict import (
-    EVIDENCE,
-    Event,
-    Outcome,
-    Reconstruction,
-    Report,
-    SignalVerdict,
-    State,
-)
-from lfd_mpc.horizon import Horizon
+from lfd_diagnosis.verdict import Kind, State, outcome_kind
+from lfd_mpc.compiled import entry, inner
 from lfd_mpc.settings import STEP_S
-from lfd_observer.bank import BankState
-from lfd_observer.prediction_store import HorizonFollower, Predicted
+from lfd_observer.prediction_store import STORE, follow, predicted_now, push_solution
+
+Array = NDArray[np.float64]
+
+PAPER_EVIDENCE = np.dtype(
+    [
+        ("clearance_count", "i8"),
+        ("relative_velocity_count", "i8"),
+        ("clearance", "f8"),
+        ("relative_velocity", "f8"),
+        ("acceleration", "f8"),
+        ("clearance_age", "f8"),
+        ("relative_velocity_age", "f8"),
+        ("acceleration_age", "f8"),
+        ("observers", "i8"),
+        ("observer_count", "i8"),
+        ("lower", "f8"),
+        ("upper", "f8"),
+        ("answered", "?"),
+        ("stored", "i8"),
+        ("stored_now", "i8"),
+        ("complete", "?"),
+        ("silent", "?"),
+    ],
+    align=True,
+)
+"""Figures that the reasons of an outcome are made of."""
+
+PAPER_OUTCOME = outcome_kind(PAPER_EVIDENCE)
+
+PAPER = np.dtype(
+    [
+        ("store", STORE),
+        ("book", BOOK),
+        ("clearance_confidence", "i8"),
+        ("relative_velocity_confidence", "i8"),
+        ("acceleration_confidence", "i8"),
+        ("stored", "i8"),
+    ],
+    align=True,
+)
+"""State of the paper's diagnosis."""
 
 
-class PaperDiagnosis:
-    """Fault indices, confidence, decision and reconstruction (eqs 25, 26, Table 1)."""
+class PaperArrays(NamedTuple):
+    """`solutions` (N, N, 2) of the store; `lower` and `upper` (N, 2) of `PredictionLimits`."""
 
-    def __init__(self, settings: DiagnosisSettings) -> None:
-        self._settings = settings
-        self._follower = HorizonFollower(settings.prediction_steps)
-        self._limits = PredictionLimits(settings)
-        self._confidence = {
-            name: Confidence(
-                getattr(settings, f"{name}_threshold"),
-                settings.confidence_threshold,
-                settings.confidence_max,
-            )
-            for name in ("clearance", "relative_velocity", "acceleration")
-        }
-        self._stored = 0
-        self._anew_because = ""
-        self._book = ReportBook()
+    solutions: Array
+    lower: Array
+    upper: Array
 
-    def reset(self) -> None:
-        """Forget confidence and stored predictions: everything is judged anew."""
-        self._follower = HorizonFollower(self._settings.prediction_steps)
-        for confidence in self._confidence.values():
-            confidence.value = 0
-        self._stored, self._anew_because = 0, "reset"
 
-    def step(self, horizon: Horizon, bank: BankState | None) -> Outcome:
-        """Answer one horizon with the bank's answer to the same one, None if it was lost.
+def paper_arrays(settings: DiagnosisSettings) -> PaperArrays:
+    """Arrays for the diagnosis with these settings."""
+    n = settings.prediction_steps
+    limits = PredictionLimits(settings)
+    return PaperArrays(np.full((n, n, 2), np.nan), limits.lower, limits.upper)
 
-        Raises ValueError when the horizon's length is not the diagnosis's.
-        """
-        predicted = self._follower.take(horizon)
-        if predicted.anew:
-            self._stored = 0
-            self._anew_because = horizon.restart_reason or horizon.solver_status
-        clearance, relative_velocity = self._judge_radar(horizon, predicted)
-        acceleration = self._judge_acceleration(horizon, bank)
-        self._stored = min(self._stored + horizon.valid, self._settings.prediction_steps)
-        report, events = self._book.publish(
-            horizon.stamp,
-            horizon.step,
-            {
-                "clearance": clearance,
-                "relative_velocity": relative_velocity,
-                "acceleration": acceleration,
-                **self._not_judged(horizon.stamp),
-            },
+
+@inner
+def start_paper(state):
+    """Forget confidence and stored predictions: everything is judged anew."""
+    state.store.count = 0
+    state.store.followed = False
+    state.clearance_confidence = state.relative_velocity_confidence = 0
+    state.acceleration_confidence = state.stored = 0
+
+
+@inner
+def _say(verdict, settings, state, index, threshold, confidence):
+    """The verdict on one signal; where it has an index its state is decided by confidence."""
+    if not isnan(index):
+        state = State.SUSPECT if confidence > 0 else State.OK
+        if confidence >= settings.confidence_threshold:
+            state = State.FAULT
+    verdict.state, verdict.kind = state, Kind.UNKNOWN
+    verdict.index, verdict.threshold = index, threshold
+    verdict.confidence = confidence
+    verdict.confidence_threshold = settings.confidence_threshold
+    verdict.size = verdict.size_std = np.nan
+
+
+@inner
+def _not_judged(verdict):
+    """The paper needs no evidence beyond its own."""
+    verdict.state, verdict.kind = State.NOT_READY, Kind.UNKNOWN
+    verdict.index = verdict.threshold = verdict.size = verdict.size_std = np.nan
+    verdict.confidence = verdict.confidence_threshold = 0
+
+
+@inner
+def _radar_state(state, horizon, stale):
+    """State of a radar signal that has no index; OK stands for one that has."""
+    if stale:
+        return State.NO_DATA
+    if not horizon.has_target and not horizon.valid:
+        return State.NO_TARGET
+    return State.OK if state.store.complete else State.NOT_READY
+
+
+@inner
+def _judge_radar(state, arrays, settings, horizon, outcome):
+    store, solutions = state.store, arrays.solutions
+    evidence, n = outcome.evidence, len(arrays.lower)
+    clearances = velocities = 0
+    for i in range(n):
+        predicted = predicted_now(store, solutions, i + 1, 0)
+        clearances += is_outside(
+            horizon.clearance, predicted, arrays.lower[i, 0], arrays.upper[i, 0]
         )
-        return Outcome(report, events, self._reconstruct(horizon, predicted, bank, report))
-
-    def silence(self, stamp: int) -> tuple[Report, list[Event]]:
-        """Nothing arrives at all: the report (of no step) that says so at `stamp` (ns)."""
-        nothing = {
-            name: self._verdict(stamp, name, State.NO_DATA, nan, "nothing arrives at all")
-            for name in self._confidence
-        }
-        return self._book.publish(stamp, 0, {**nothing, **self._not_judged(stamp)})
-
-    def _judge_radar(
-        self, horizon: Horizon, predicted: Predicted
-    ) -> tuple[SignalVerdict, SignalVerdict]:
-        measured = (horizon.clearance, horizon.relative_velocity)
-        disagree = np.add.reduce(self._limits.outside(np.array(measured), predicted.states))
-        rows = (
-            ("clearance", "m", horizon.clearance_stale, horizon.clearance_age),
-            (
-                "relative_velocity",
-                "m/s",
-                horizon.relative_velocity_stale,
-                horizon.relative_velocity_age,
-            ),
+        predicted = predicted_now(store, solutions, i + 1, 1)
+        velocities += is_outside(
+            horizon.relative_velocity, predicted, arrays.lower[i, 1], arrays.upper[i, 1]
         )
-        verdicts = []
-        n = self._settings.prediction_steps
-        for (name, unit, stale, age), value, count in zip(
-            rows, measured, disagree.tolist(), strict=True
-        ):
-            index = nan
-            if stale:
-                state, reason = State.NO_DATA, silent(age)
-            elif not horizon.has_target and not horizon.valid:
-                state, reason = State.NO_TARGET, "the radar sees no lead"
-            elif not predicted.complete:
-                state, reason = State.NOT_READY, self._filling()
-            else:
-                state, index = None, count / n
-                reason = f"{count} of {n} predictions disagree with {value:.2f} {unit}"
-            if horizon.sensor_text:
-                reason += f"; the radar says: {horizon.sensor_text}"
-            verdicts.append(self._verdict(horizon.stamp, name, state, index, reason))
-        return verdicts[0], verdicts[1]
+    evidence.clearance_count, evidence.relative_velocity_count = clearances, velocities
+    evidence.clearance = horizon.clearance
+    evidence.relative_velocity = horizon.relative_velocity
+    evidence.clearance_age = horizon.clearance_age
+    evidence.relative_velocity_age = horizon.relative_velocity_age
+    ceiling = settings.confidence_max
 
-    def _judge_acceleration(self, horizon: Horizon, bank: BankState | None) -> SignalVerdict:
-        index = nan
-        if horizon.acceleration_stale:
-            state, reason = State.NO_DATA, silent(horizon.acceleration_age)
-        elif bank is None:
-            state, reason = State.NOT_READY, "the observer bank did not answer"
-        elif isnan(bank.acceleration_index):
-            state, reason = State.NOT_READY, self._filling()
-        else:
-            state, index = None, bank.acceleration_index
-            count, observers = int(bank.outside.sum()), len(bank.outside)
-            lower, upper = bank.acceleration_lower[0], bank.acceleration_upper[0]
-            reason = (
-                f"{count} of {observers} observers exclude {horizon.acceleration:.2f} m/s^2 "
-                f"(first one's limits {lower:.2f} to {upper:.2f})"
-            )
-        return self._verdict(horizon.stamp, "acceleration", state, index, reason)
+    found = _radar_state(state, horizon, horizon.clearance_stale)
+    index = clearances / n if found == State.OK else np.nan
+    threshold = settings.clearance_threshold
+    confidence = next_confidence(state.clearance_confidence, index, threshold, ceiling)
+    state.clearance_confidence = confidence
+    _say(outcome.clearance, settings, found, index, threshold, confidence)
 
-    def _filling(self) -> str:
-        because = f" after: {self._anew_because}" if self._anew_because else ""
-        return f"{self._stored} of {self._settings.prediction_steps} predictions stored{because}"
+    found = _radar_state(state, horizon, horizon.relative_velocity_stale)
+    index = velocities / n if found == State.OK else np.nan
+    threshold = settings.relative_velocity_threshold
+    confidence = next_confidence(state.relative_velocity_confidence, index, threshold, ceiling)
+    state.relative_velocity_confidence = confidence
+    _say(outcome.relative_velocity, settings, found, index, threshold, confidence)
 
-    def _verdict(
-        self, stamp: int, name: str, state: State | None, index: float, reason: str
-    ) -> SignalVerdict:
-        """The verdict on one signal; a state of None is decided by confidence (eq 26)."""
-        confidence = self._confidence[name]
-        confidence.step(index)
-        if state is None:
-            if confidence.faulty:
-                state = State.FAULT
-            else:
-                state = State.SUSPECT if confidence.value > 0 else State.OK
-        return SignalVerdict(
-            state=state,
-            index=index,
-            threshold=confidence.index_threshold,
-            confidence=confidence.value,
-            confidence_threshold=confidence.fault_threshold,
-            since=self._book.since(stamp, name, state),
-            reason=reason,
-        )
 
-    def _not_judged(self, stamp: int) -> dict[str, SignalVerdict]:
-        """The paper needs no evidence beyond its own."""
-        state, reason = State.NOT_READY, "not judged by the paper profile"
-        return {
-            name: SignalVerdict(state, nan, nan, 0, 0, self._book.since(stamp, name, state), reason)
-            for name in EVIDENCE
-        }
+@inner
+def _judge_acceleration(state, settings, horizon, answered, index, outcome):
+    found = State.NOT_READY
+    if horizon.acceleration_stale:
+        found, index = State.NO_DATA, np.nan
+    elif not answered:
+        index = np.nan
+    threshold, ceiling = settings.acceleration_threshold, settings.confidence_max
+    confidence = next_confidence(state.acceleration_confidence, index, threshold, ceiling)
+    state.acceleration_confidence = confidence
+    _say(outcome.acceleration, settings, found, index, threshold, confidence)
+    outcome.evidence.acceleration = horizon.acceleration
+    outcome.evidence.acceleration_age = horizon.acceleration_age
 
-    def _reconstruct(
-        self, horizon: Horizon, predicted: Predicted, bank: BankState | None, report: Report
-    ) -> Reconstruction:
-        """What the signals should be (eqs 10, 21, 22).
 
-        The oldest prediction is taken because it is the last to learn from a faulty measurement.
-        """
-        settings = self._settings
-        tau = STEP_S * settings.prediction_steps
-        sigma = settings.lead_acceleration_std
-        clearance, relative_velocity = predicted.states[-1] if predicted.complete else (nan, nan)
-        relative_acceleration = nan
-        if bank is not None and bank.ready:
-            relative_acceleration = float(bank.relative_acceleration[0])
-        missing = []
-        if not predicted.complete:
-            missing.append(f"radar signals: {self._filling()}")
-        acceleration = settings.lead_acceleration_mean - relative_acceleration
-        if report.radar.state == State.FAULT:
-            acceleration = nan
-            missing.append("acceleration: the radar is faulty")
-        elif isnan(relative_acceleration):
-            missing.append("acceleration: the observers are not ready")
-        return Reconstruction(
-            stamp=horizon.stamp,
-            step=horizon.step,
-            clearance_valid=predicted.complete,
-            clearance=float(clearance),
-            clearance_std=hypot(settings.clearance_std, 0.5 * sigma * tau**2)
-            if predicted.complete
-            else nan,
-            relative_velocity_valid=predicted.complete,
-            relative_velocity=float(relative_velocity),
-            relative_velocity_std=hypot(settings.relative_velocity_std, sigma * tau)
-            if predicted.complete
-            else nan,
-            relative_acceleration_valid=not isnan(relative_acceleration),
-            relative_acceleration=relative_acceleration,
-            acceleration_valid=not isnan(acceleration),
-            acceleration=acceleration,
-            acceleration_std=nan if isnan(acceleration) else sigma,
-            reason="; ".join(missing),
-        )
+@inner
+def paper_step(state, arrays, settings, horizon, states, answered, bank, answer, outcome):
+    """Answer one horizon, whose prediction is `states` (N, 2).
+
+    `bank` and `answer` are the bank's state and answer to the same horizon, if it has `answered`.
+    """
+    store, evidence = state.store, outcome.evidence
+    outcome.stamp, outcome.step = horizon.stamp, horizon.step
+    follow(store, arrays.solutions, horizon)
+    outcome.starts_anew = store.anew
+    if store.anew:
+        state.stored = 0
+    evidence.silent, evidence.answered = False, answered
+    evidence.stored, evidence.complete = state.stored, store.complete
+    evidence.observers, evidence.observer_count = 0, len(answer.outside)
+    if answered:
+        for i in range(len(answer.outside)):
+            evidence.observers += answer.outside[i]
+        evidence.lower, evidence.upper = answer.values[2, 0], answer.values[3, 0]
+    _judge_radar(state, arrays, settings, horizon, outcome)
+    index = bank.acceleration_index
+    _judge_acceleration(state, settings, horizon, answered, index, outcome)
+    _not_judged(outcome.host_speed)
+    _not_judged(outcome.lead_acceleration)
+    relative = answer.values[0, 0] if answered and bank.ready else np.nan
+    enter_outcome(state.book, outcome)
+    _reconstruct(state, arrays, settings, relative, outcome)
+    state.stored = min(state.stored + horizon.valid, len(arrays.lower))
+    evidence.stored_now = state.stored
+    if horizon.valid:
+        push_solution(store, arrays.solutions, states)
+
+
+@inner
+def _reconstruct(state, arrays, settings, relative, outcome):
+    """What the signals should be (eqs 10, 21, 22).
+
+    The oldest prediction is taken because it is the last to learn from a faulty measurement.
+    """
+    made, complete, n = outcome.reconstructed, state.store.complete, len(arrays.lower)
+    tau, sigma = STEP_S * n, settings.lead_acceleration_std
+    made.clearance_valid = made.relative_velocity_valid = complete
+    made.clearance = made.relative_velocity = np.nan
+    made.clearance_std = made.relative_velocity_std = np.nan
+    if complete:
+        made.clearance = predicted_now(state.store, arrays.solutions, n, 0)
+        made.relative_velocity = predicted_now(state.store, arrays.solutions, n, 1)
+        made.clearance_std = sqrt(settings.clearance_std**2 + (0.5 * sigma * tau**2) ** 2)
+        made.relative_velocity_std = sqrt(settings.relative_velocity_std**2 + (sigma * tau) ** 2)
+    made.relative_acceleration_valid = not isnan(relative)
+    made.relative_acceleration = relative
+    acceleration = settings.lead_acceleration_mean - relative
+    if outcome.radar.state == State.FAULT:
+        acceleration = np.nan
+    made.acceleration_valid = not isnan(acceleration)
+    made.acceleration = acceleration
+    made.acceleration_std = sigma if made.acceleration_valid else np.nan
+
+
+@inner
+def paper_silence(state, settings, stamp, outcome):
+    """Nothing arrives at all: what is said (of no step) at `stamp` (ns)."""
+    outcome.stamp, outcome.step, outcome.starts_anew = stamp, 0, False
+    outcome.evidence.silent = True
+    state.clearance_confidence = state.relative_velocity_confidence = 0
+    state.acceleration_confidence = 0
+    nothing, threshold = State.NO_DATA, settings.clearance_threshold
+    _say(outcome.clearance, settings, nothing, np.nan, threshold, 0)
+    threshold = settings.relative_velocity_threshold
+    _say(outcome.relative_velocity, settings, nothing, np.nan, threshold, 0)
+    _say(outcome.acceleration, settings, nothing, np.nan, settings.acceleration_threshold, 0)
+    _not_judged(outcome.host_speed)
+    _not_judged(outcome.lead_acceleration)
+    enter_outcome(state.book, outcome)
+
+
+@entry
+def start_paper_entry(state):
+    """`start_paper` for callers from outside."""
+    start_paper(state[0])
+
+
+@entry
+def paper_step_entry(states_, arrays, numbers, horizons, states, answered, banks, answer, outcomes):
+    """`paper_step` for callers from outside."""
+    state, settings, horizon = states_[0], numbers[0], horizons[0]
+    said = outcomes[0]
+    paper_step(state, arrays, settings, horizon, states, answered, banks[0], answer, said)
+
+
+@entry
+def paper_silence_entry(state, settings, stamp, outcome):
+    """`paper_silence` for callers from outside."""
+    paper_silence(state[0], settings[0], stamp, outcome[0])

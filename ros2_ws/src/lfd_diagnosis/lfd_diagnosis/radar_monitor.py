@@ -1,15 +1,65 @@
 """The radar's two signals held against the lead's track, scan by scan (robust profile)."""
 
-from dataclasses import dataclass
-from math import exp, inf, isfinite, nan
+from math import exp, isfinite
 
-from lfd_diagnosis.healthy_signal import LearntNoise, Repetition, Roughness, is_new
-from lfd_diagnosis.lead_track import LeadTrack
-from lfd_diagnosis.radar_signal import RadarSignal
-from lfd_diagnosis.settings import DiagnosisSettings
-from lfd_diagnosis.travelled_path import TravelledPath
+import numpy as np
+
+from lfd_diagnosis.evidence import Ground, give_ground
+from lfd_diagnosis.healthy_signal import (
+    deviation,
+    is_frozen,
+    is_new,
+    is_rough,
+    learn_noise,
+    restart_roughness,
+    rough_share,
+    take_repetition,
+    take_roughness,
+)
+from lfd_diagnosis.lead_track import (
+    LEAD_TRACK,
+    believe,
+    correct_clearance,
+    correct_velocity,
+    inform,
+    predict_track,
+    set_clearance,
+    set_velocity,
+    start_track,
+)
+from lfd_diagnosis.radar_signal import (
+    RADAR_SIGNAL,
+    acquit,
+    agrees_long_enough,
+    classify,
+    convict,
+    count_scan,
+    deviation_about,
+    follow_agreement,
+    forgive,
+    has_returned,
+    has_stopped,
+    is_bad,
+    is_held,
+    least_limit,
+    resolution_of,
+    restart_signal,
+    start_signal,
+)
+from lfd_diagnosis.travelled_path import (
+    DRIFT,
+    TRAVELLED_PATH,
+    clear_path,
+    explain_drift,
+    follow_path,
+    is_explainable,
+    path_drift,
+    path_length,
+    path_limit,
+    start_path,
+)
 from lfd_diagnosis.verdict import Kind
-from lfd_mpc.horizon import Horizon
+from lfd_mpc.compiled import inner
 from lfd_mpc.sampling import UNKNOWN_TRACK
 from lfd_mpc.settings import STEP_S
 
@@ -45,420 +95,541 @@ steps of its resolution."""
 CLEARANCE_STD, VELOCITY_STD = 0.22, 0.3
 """How well a track is known, in m and m/s, that a contradiction was explained with."""
 
+REMEMBERED = 32
+"""Targets that are remembered at once."""
 
-@dataclass(frozen=True)
-class Measured:
-    """One signal at a step: whether it is new, its time in s, its value and its age in s."""
+COAST_KEEP = exp(-STEP_S / CORRELATION)
 
-    new: bool
-    at: float
-    value: float
-    age: float
+MEASURED = np.dtype([("new", "?"), ("at", "f8"), ("value", "f8"), ("age", "f8")], align=True)
+"""One signal at a step: whether it is new, its time in s, its value and its age in s."""
+
+_SLOT = np.dtype([("id", "i8"), ("at", "f8"), ("track", LEAD_TRACK)], align=True)
+
+RADAR = np.dtype(
+    [
+        ("clearance", RADAR_SIGNAL),
+        ("velocity", RADAR_SIGNAL),
+        ("measured_clearance", MEASURED),
+        ("measured_velocity", MEASURED),
+        ("path", TRAVELLED_PATH),
+        ("drift", DRIFT),
+        ("track", LEAD_TRACK),
+        ("has_track", "?"),
+        ("scans", "i8"),
+        ("id", "i8"),
+        ("remembered", _SLOT, (REMEMBERED,)),
+        ("remembered_count", "i8"),
+        ("slow_acceleration", "f8"),
+        ("host", "f8"),
+        ("host_moves", "?"),
+        ("travelled_while_held", "f8"),
+        ("lost", "?"),
+        ("lost_since", "f8"),
+    ],
+    align=True,
+)
+"""State of one radar's two signals and of its target; `lost_since` (s) counts while `lost`."""
 
 
-class RadarMonitor:
-    """Judges clearance and relative velocity of one radar."""
+@inner
+def start_radar(radar, settings):
+    """Begin with nothing."""
+    learn = settings.learn_noise
+    start_signal(radar.clearance, settings.clearance_floor, settings.clearance_std, 0.03, learn)
+    start_signal(
+        radar.velocity,
+        settings.relative_velocity_floor,
+        settings.relative_velocity_std,
+        0.015,
+        learn,
+    )
+    start_path(radar.path, learn)
+    radar.host_moves = True
+    radar.lost = False
+    _start_target(radar, settings)
 
-    def __init__(self, settings: DiagnosisSettings) -> None:
-        self._settings = settings
 
-        def signal(name: str, unit: str, floor: float, std: float, lowest: float) -> RadarSignal:
-            noise = LearntNoise(std, lowest, 10.0 * std, settings.learn_noise)
-            return RadarSignal(name, unit, floor, noise, Roughness(16), Repetition(8))
+@inner
+def _start_target(radar, settings):
+    radar.has_track = False
+    radar.scans = 0
+    radar.id = UNKNOWN_TRACK
+    radar.remembered_count = 0
+    radar.slow_acceleration = settings.lead_acceleration_mean
+    radar.host = radar.travelled_while_held = 0.0
+    clear_path(radar.path)
+    restart_signal(radar.clearance)
+    restart_signal(radar.velocity)
 
-        self.clearance = signal(
-            "clearance", "m", settings.clearance_floor, settings.clearance_std, 0.03
-        )
-        self.velocity = signal(
-            "relative velocity",
-            "m/s",
-            settings.relative_velocity_floor,
-            settings.relative_velocity_std,
-            0.015,
-        )
-        self.signals = self.clearance, self.velocity
-        self._path = TravelledPath(settings)
-        self._coast_keep = exp(-STEP_S / CORRELATION)
-        self._host_moves = True
-        self.lost_since: float | None = None
-        self._start_anew()
 
-    def _start_anew(self) -> None:
-        self.track: LeadTrack | None = None
-        self.scans = 0
-        self._id = UNKNOWN_TRACK
-        self._remembered: dict[int, tuple[float, LeadTrack]] = {}
-        self._slow_acceleration = self._settings.lead_acceleration_mean
-        self._host = 0.0
-        self._travelled_while_held = 0.0
-        self._path.clear()
-        for signal in self.signals:
-            signal.restart()
+@inner
+def restart_radar(radar, settings):
+    """Nothing from before counts, faults neither; what was learnt of the noise stays."""
+    _start_target(radar, settings)
+    radar.lost = False
+    forgive(radar.clearance)
+    forgive(radar.velocity)
 
-    def restart(self) -> None:
-        """Nothing from before counts, faults neither; what was learnt of the noise stays."""
-        self._start_anew()
-        self.lost_since = None
-        for signal in self.signals:
-            signal.forgive()
 
-    @property
-    def ready(self) -> bool:
-        """Whether the target is known long enough to be judged."""
-        return self.track is not None and self.scans >= READY_SCANS
+@inner
+def is_ready(radar):
+    """Whether the target is known long enough to be judged."""
+    return radar.has_track and radar.scans >= READY_SCANS
 
-    @property
-    def faulty(self) -> bool:
-        """Whether either signal is."""
-        return self.clearance.faulty or self.velocity.faulty
 
-    def deviations(self) -> tuple[float, float]:
-        """Standard deviations of healthy measurements about the track, in m and m/s."""
-        track = self.track
-        if track is None:
-            return inf, inf
-        return self.clearance.deviation(track.cc), self.velocity.deviation(track.vv)
+@inner
+def is_radar_faulty(radar):
+    """Whether either signal is."""
+    return radar.clearance.faulty or radar.velocity.faulty
 
-    def coast(self, host_acceleration: float) -> None:
-        """One step that nothing is known of, the host accelerating as stated (m/s^2)."""
-        if self.track is not None:
-            self._predict(self.track, host_acceleration, nan)
 
-    def step(
-        self,
-        horizon: Horizon,
-        host_acceleration: float,
-        lead_acceleration: float,
-        host_moves: bool,
-    ) -> None:
-        """Take one step's measurements.
+@inner
+def radar_deviations(radar):
+    """Standard deviations of healthy measurements about the track, in m and m/s."""
+    if not radar.has_track:
+        return np.inf, np.inf
+    return (
+        deviation_about(radar.clearance, radar.track.cc),
+        deviation_about(radar.velocity, radar.track.vv),
+    )
 
-        The host's acceleration in m/s^2 as best known; the lead's, NaN unless the lead says it;
-        whether the host surely moves, so that equal samples mean something.
-        """
-        now = horizon.stamp * 1e-9
-        self._host_moves = host_moves
-        if not horizon.has_target:
-            if self.track is not None and self.faulty:
-                self.lost_since = now
-            self._start_anew()
-            return
-        if self.track is not None:
-            self._predict(self.track, host_acceleration, lead_acceleration)
-        self._host = host_acceleration
-        clearance = self._measured(
-            now,
-            self.clearance,
-            nan if horizon.clearance_stale else horizon.measured_clearance,
-            horizon.clearance_age,
-        )
-        velocity = self._measured(
-            now,
-            self.velocity,
-            nan if horizon.relative_velocity_stale else horizon.measured_relative_velocity,
-            horizon.relative_velocity_age,
-        )
-        if clearance.new or velocity.new:
-            self._scan(horizon.track_id, clearance, velocity)
 
-    @staticmethod
-    def _measured(now: float, signal: RadarSignal, value: float, age: float) -> Measured:
-        new = isfinite(value) and is_new(now - age, signal.last_at)
-        return Measured(new, now - age, value, age)
+@inner
+def coast_radar(radar, settings, host_acceleration):
+    """One step that nothing is known of, the host accelerating as stated (m/s^2)."""
+    if radar.has_track:
+        _predict(radar, settings, host_acceleration, np.nan)
 
-    def _predict(
-        self, track: LeadTrack, host_acceleration: float, lead_acceleration: float
-    ) -> None:
-        settings = self._settings
-        keep, jerk = 1.0, settings.jerk_density
-        if self.velocity.faulty:
-            keep, jerk = self._coast_keep, settings.coasting_jerk_density
-            if isfinite(lead_acceleration):
-                track.inform(lead_acceleration, settings.lead_report_std)
-        track.predict(STEP_S, host_acceleration, keep, settings.lead_acceleration_mean, jerk)
-        if self.clearance.faulty:
-            self.clearance.coasted += STEP_S
-            track.cc += 2.0 * VELOCITY_BIAS**2 * self.clearance.coasted * STEP_S
-        if not self.faulty:
-            off = track.acceleration - self._slow_acceleration
-            self._slow_acceleration += STEP_S / SLOW * off
 
-    def _scan(self, track_id: int, clearance: Measured, velocity: Measured) -> None:
-        """One scan, or the one signal of it that is there."""
-        measured = clearance, velocity
-        same = [
-            m.new and signal.repetition.take(m.value, not self.faulty)
-            for signal, m in zip(self.signals, measured, strict=True)
-        ]
-        whole = clearance.new and velocity.new
-        if same[0] and self.track is not None and not self.velocity.faulty:
-            period = clearance.at - self.clearance.last_at
-            self._travelled_while_held += self.track.velocity * period
-        else:
-            self._travelled_while_held = 0.0
-        if self.track is None:
-            if whole:
-                self._begin(track_id, clearance, velocity)
-        elif not (whole and self._is_another(track_id, clearance, velocity)):
-            self._id = track_id
-            self.scans += 1
-            # A sensor that says everything twice has nothing new to say the second time.
-            repeated = all(same) and self.clearance.repetition.run == 1
-            self._judge(self.track, measured, repeated)
-        for signal, m in zip(self.signals, measured, strict=True):
-            if m.new:
-                signal.last, signal.last_at = m.value, m.at
+@inner
+def follow_radar(radar, settings, horizon, host_acceleration, lead_acceleration, host_moves):
+    """Take one step's measurements.
 
-    def _begin(self, track_id: int, clearance: Measured, velocity: Measured) -> None:
-        """A target that nothing is known of."""
-        mean = self._settings.lead_acceleration_mean
-        self.track = LeadTrack.start(
-            clearance.value + velocity.value * clearance.age,
-            velocity.value,
-            mean,
-            (self.clearance.noise.deviation, self.velocity.noise.deviation),
-        )
-        self._id, self.scans = track_id, 1
-        self._slow_acceleration = mean
-        self._cut_path()
-        for signal in self.signals:
-            signal.residual = signal.limit = nan
-            if not signal.faulty:
-                signal.confidence = 0
+    The host's acceleration in m/s^2 as best known; the lead's, NaN unless the lead says it;
+    whether the host surely moves, so that equal samples mean something.
+    """
+    now = horizon.stamp * 1e-9
+    radar.host_moves = host_moves
+    if not horizon.has_target:
+        if radar.has_track and is_radar_faulty(radar):
+            radar.lost, radar.lost_since = True, now
+        _start_target(radar, settings)
+        return
+    if radar.has_track:
+        _predict(radar, settings, host_acceleration, lead_acceleration)
+    radar.host = host_acceleration
+    clearance, velocity = radar.measured_clearance, radar.measured_velocity
+    _measure(
+        clearance,
+        now,
+        radar.clearance,
+        np.nan if horizon.clearance_stale else horizon.measured_clearance,
+        horizon.clearance_age,
+    )
+    _measure(
+        velocity,
+        now,
+        radar.velocity,
+        np.nan if horizon.relative_velocity_stale else horizon.measured_relative_velocity,
+        horizon.relative_velocity_age,
+    )
+    if clearance.new or velocity.new:
+        _scan(radar, settings, horizon.track_id)
 
-    def _cut_path(self) -> None:
-        """The clearance may have stepped for a good reason."""
-        self._path.clear()
-        for signal in self.signals:
-            signal.roughness.restart()
 
-    def _is_another(self, track_id: int, clearance: Measured, velocity: Measured) -> bool:
-        """Sort out a new track id, or a silence; whether a new target was begun."""
-        silent = clearance.at - max(s.last_at for s in self.signals) > LOST_AFTER
-        changed = track_id != self._id and UNKNOWN_TRACK not in (track_id, self._id)
-        if not changed and not silent:
-            return False
-        if self._settings.same_car and self._knows(track_id, changed, clearance, velocity):
-            self._cut_path()
-            return False
-        if self.faulty:
-            self.lost_since = clearance.at
-        self._begin(track_id, clearance, velocity)
-        return True
+@inner
+def _measure(measured, now, signal, value, age):
+    measured.new = isfinite(value) and is_new(now - age, signal.last_at)
+    measured.at, measured.value, measured.age = now - age, value, age
 
-    def _knows(self, track_id: int, changed: bool, clearance: Measured, velocity: Measured) -> bool:
-        """Whether a target under another id, or after a silence, is a car that is known."""
-        assert self.track is not None
-        at = clearance.at
-        if changed and not self.faulty:
-            self._remembered[self._id] = at, self.track.copy()
-        self._remembered = {
-            known: entry for known, entry in self._remembered.items() if at - entry[0] < MEMORY
-        }
-        limits = self._limits(self.track)
-        now = clearance.value + velocity.value * clearance.age
-        if (
-            abs(now - self.track.clearance) <= limits[0]
-            and abs(velocity.value - self.track.velocity) <= limits[1]
-        ):
-            return True
-        if self.faulty:
-            # The faulty signals go on as they were: the car is the same, its reference still good.
-            return (
-                abs(clearance.value - self.clearance.last) <= self.clearance.floor
-                and abs(velocity.value - self.velocity.last) <= self.velocity.floor
-            )
-        if track_id in self._remembered and changed:
-            then, track = self._remembered.pop(track_id)
-            settings = self._settings
-            if at > then:
-                mean = settings.lead_acceleration_mean
-                track.predict(at - then, self._host, 1.0, mean, settings.jerk_density)
-            self.track = track
-            return True
+
+@inner
+def _predict(radar, settings, host_acceleration, lead_acceleration):
+    track, clearance = radar.track, radar.clearance
+    keep, jerk = 1.0, settings.jerk_density
+    if radar.velocity.faulty:
+        keep, jerk = COAST_KEEP, settings.coasting_jerk_density
+        if isfinite(lead_acceleration):
+            inform(track, lead_acceleration, settings.lead_report_std)
+    mean = settings.lead_acceleration_mean
+    predict_track(track, STEP_S, host_acceleration, keep, mean, jerk)
+    if clearance.faulty:
+        clearance.coasted += STEP_S
+        track.cc += 2.0 * VELOCITY_BIAS**2 * clearance.coasted * STEP_S
+    if not is_radar_faulty(radar):
+        off = track.acceleration - radar.slow_acceleration
+        radar.slow_acceleration += STEP_S / SLOW * off
+
+
+@inner
+def _scan(radar, settings, track_id):
+    """One scan, or the one signal of it that is there."""
+    clearance, velocity = radar.measured_clearance, radar.measured_velocity
+    healthy = not is_radar_faulty(radar)
+    same_clearance = clearance.new and take_repetition(
+        radar.clearance.repetition, clearance.value, healthy
+    )
+    same_velocity = velocity.new and take_repetition(
+        radar.velocity.repetition, velocity.value, healthy
+    )
+    whole = clearance.new and velocity.new
+    if same_clearance and radar.has_track and not radar.velocity.faulty:
+        period = clearance.at - radar.clearance.last_at
+        radar.travelled_while_held += radar.track.velocity * period
+    else:
+        radar.travelled_while_held = 0.0
+    if not radar.has_track:
+        if whole:
+            _begin(radar, settings, track_id)
+    elif not (whole and _is_another(radar, settings, track_id)):
+        radar.id = track_id
+        radar.scans += 1
+        # A sensor that says everything twice has nothing new to say the second time.
+        repeated = same_clearance and same_velocity and radar.clearance.repetition.run == 1
+        _judge(radar, settings, repeated)
+    if clearance.new:
+        radar.clearance.last, radar.clearance.last_at = clearance.value, clearance.at
+    if velocity.new:
+        radar.velocity.last, radar.velocity.last_at = velocity.value, velocity.at
+
+
+@inner
+def _begin(radar, settings, track_id):
+    """A target that nothing is known of."""
+    clearance, velocity = radar.measured_clearance, radar.measured_velocity
+    mean = settings.lead_acceleration_mean
+    start_track(
+        radar.track,
+        clearance.value + velocity.value * clearance.age,
+        velocity.value,
+        mean,
+        radar.clearance.noise.variance,
+        radar.velocity.noise.variance,
+    )
+    radar.has_track = True
+    radar.id, radar.scans = track_id, 1
+    radar.slow_acceleration = mean
+    _cut_path(radar)
+    for signal in (radar.clearance, radar.velocity):
+        signal.residual = signal.limit = np.nan
+        if not signal.faulty:
+            signal.confidence = 0
+
+
+@inner
+def _cut_path(radar):
+    """The clearance may have stepped for a good reason."""
+    clear_path(radar.path)
+    restart_roughness(radar.clearance.roughness)
+    restart_roughness(radar.velocity.roughness)
+
+
+@inner
+def _is_another(radar, settings, track_id):
+    """Sort out a new track id, or a silence; whether a new target was begun."""
+    at = radar.measured_clearance.at
+    silent = at - max(radar.clearance.last_at, radar.velocity.last_at) > LOST_AFTER
+    known = track_id != UNKNOWN_TRACK and radar.id != UNKNOWN_TRACK
+    changed = track_id != radar.id and known
+    if not changed and not silent:
         return False
+    if settings.same_car and _knows(radar, settings, track_id, changed):
+        _cut_path(radar)
+        return False
+    if is_radar_faulty(radar):
+        radar.lost, radar.lost_since = True, at
+    _begin(radar, settings, track_id)
+    return True
 
-    def _widening(self) -> float:
-        """How much wider limits are while the noise is being learnt."""
-        return 1.0 + 2.0 * exp(-self.clearance.noise.count / LEARNING)
 
-    def _limits(self, track: LeadTrack) -> tuple[float, float]:
-        """Limits of clearance (m) and relative velocity (m/s) around the track."""
-        wide, sigma = self._widening(), self._settings.gate_sigma
-        c, v = self.clearance.deviation(track.cc), self.velocity.deviation(track.vv)
+@inner
+def _remember(radar, at):
+    """Remember the target under its id, and forget what is too old."""
+    kept = 0
+    for i in range(radar.remembered_count):
+        slot = radar.remembered[i]
+        if at - slot.at < MEMORY and slot.id != radar.id:
+            radar.remembered[kept] = slot
+            kept += 1
+    if kept == REMEMBERED:
+        for i in range(1, kept):
+            radar.remembered[i - 1] = radar.remembered[i]
+        kept -= 1
+    slot = radar.remembered[kept]
+    slot.id, slot.at, slot.track = radar.id, at, radar.track
+    radar.remembered_count = kept + 1
+
+
+@inner
+def _recall(radar, settings, track_id, at):
+    """Go on from what was last seen under an id; whether anything was."""
+    for i in range(radar.remembered_count):
+        slot = radar.remembered[i]
+        if slot.id != track_id or at - slot.at >= MEMORY:
+            continue
+        radar.track = slot.track
+        if at > slot.at:
+            mean, jerk = settings.lead_acceleration_mean, settings.jerk_density
+            predict_track(radar.track, at - slot.at, radar.host, 1.0, mean, jerk)
+        slot.at = -np.inf
+        return True
+    return False
+
+
+@inner
+def _knows(radar, settings, track_id, changed):
+    """Whether a target under another id, or after a silence, is a car that is known."""
+    clearance, velocity = radar.measured_clearance, radar.measured_velocity
+    faulty = is_radar_faulty(radar)
+    if changed and not faulty:
+        _remember(radar, clearance.at)
+    limits = _limits(radar, settings)
+    now = clearance.value + velocity.value * clearance.age
+    if (
+        abs(now - radar.track.clearance) <= limits[0]
+        and abs(velocity.value - radar.track.velocity) <= limits[1]
+    ):
+        return True
+    if faulty:
+        # The faulty signals go on as they were: the car is the same, its reference still good.
         return (
-            wide * max(self.clearance.least, sigma * c),
-            wide * max(self.velocity.least, sigma * v),
+            abs(clearance.value - radar.clearance.last) <= radar.clearance.floor
+            and abs(velocity.value - radar.velocity.last) <= radar.velocity.floor
         )
+    return changed and _recall(radar, settings, track_id, clearance.at)
 
-    def _judge(self, track: LeadTrack, measured: tuple[Measured, Measured], repeated: bool) -> None:
-        """Hold a scan against the track, then teach the track what is good of it."""
-        clearance, velocity = self.signals
-        age = max(m.age for m in measured if m.new)
-        relative = track.acceleration - self._host
-        expected = (
-            track.clearance - age * (track.velocity - 0.5 * age * relative),
-            track.velocity - age * relative,
-        )
-        limits, variances = self._limits(track), (track.cc, track.vv)
-        new = [
-            (signal, m, *rest)
-            for signal, m, *rest in zip(
-                self.signals, measured, expected, limits, variances, strict=True
-            )
-            if m.new
-        ]
-        if not repeated:
-            for signal, m, prediction, limit, _ in new:
-                signal.residual, signal.limit = m.value - prediction, limit
-        velocity_was_faulty = velocity.faulty
-        for signal, m, *_ in new:
-            signal.roughness.take(m.value, not self.faulty and not signal.bad)
-            signal.count(self._settings.scan_confidence_max)
-            if signal.faulty:
-                signal.classify()
-                self._requalify(track, signal, m)
-            elif self.ready:
-                self._suspect(track, signal)
-        if velocity.faulty and not velocity_was_faulty:
-            track.believe(self._slow_acceleration, SLOW_STD)
-        if repeated:
-            return
-        if all(not signal.faulty and not signal.bad for signal, *_ in new):
-            for signal, _, _, _, variance in new:
-                signal.noise.take(signal.residual, variance)
-        if measured[0].new and not clearance.faulty and not clearance.bad:
-            track.correct_clearance(clearance.residual, clearance.noise.variance)
-        if measured[1].new and not velocity.faulty and not velocity.bad:
-            now = track.velocity - age * (track.acceleration - self._host)
-            track.correct_velocity(measured[1].value - now, velocity.noise.variance)
-        if len(new) == 2 and not self.faulty:
-            self._follow_path(track, measured)
-        elif len(new) == 2 and clearance.faulty and velocity.faulty:
-            self._look_for_another(measured)
 
-    def _suspect(self, track: LeadTrack, signal: RadarSignal) -> None:
-        """Whether a signal that was healthy still is."""
-        settings = self._settings
-        if signal.confidence >= settings.scan_confidence_threshold:
-            if signal is self.clearance and self._is_gradual() and self._path.explainable:
-                self._explain(track, signal.residual, signal.limit)
-            else:
-                self._convict(signal, Kind.OFFSET, signal.text())
-        elif settings.check_roughness and signal.roughness.rough:
-            share = signal.roughness.share
-            because = f"roughness: {share:.0%} of scans far rougher than before"
-            self._convict(signal, Kind.NOISE, because)
-        elif settings.check_repetition and self._is_frozen(signal):
-            kind = Kind.ZERO if signal.last == 0.0 else Kind.HOLD
-            run = signal.repetition.run + 1
-            self._convict(signal, kind, f"repetition: the same value {run} times")
+@inner
+def _widening(radar):
+    """How much wider limits are while the noise is being learnt."""
+    return 1.0 + 2.0 * exp(-radar.clearance.noise.count / LEARNING)
 
-    def _is_frozen(self, signal: RadarSignal) -> bool:
-        """A value repeated for too long, or while the relative velocity says that it changed."""
-        if signal is self.clearance and signal.held:
-            return abs(self._travelled_while_held) > max(
-                HELD_PATH,
-                HELD_SIGMA * signal.noise.deviation,
-                HELD_STEPS * signal.roughness.resolution,
-            )
-        return signal.repetition.frozen and self._host_moves
 
-    def _is_gradual(self) -> bool:
-        """Whether the clearance goes out of its limits little by little."""
-        before, signal = self.clearance.residual_before, self.clearance
-        return (
-            self._settings.check_drift
-            and before * signal.residual > 0.0
-            and abs(before) > GRADUAL * signal.limit
-        )
+@inner
+def _limits(radar, settings):
+    """Limits of clearance (m) and relative velocity (m/s) around the track."""
+    wide, sigma = _widening(radar), settings.gate_sigma
+    clearance = deviation_about(radar.clearance, radar.track.cc)
+    velocity = deviation_about(radar.velocity, radar.track.vv)
+    return (
+        wide * max(least_limit(radar.clearance), sigma * clearance),
+        wide * max(least_limit(radar.velocity), sigma * velocity),
+    )
 
-    def _convict(self, signal: RadarSignal, kind: Kind, because: str) -> None:
-        signal.convict(kind, because, self._settings.scan_confidence_max)
-        signal.coasted = 0.0
-        self._path.clear()
 
-    def _requalify(self, track: LeadTrack, signal: RadarSignal, measured: Measured) -> None:
-        """Whether a faulty signal is to be believed again."""
-        settings = self._settings
-        period = measured.at - signal.last_at
-        step = measured.value - signal.last
-        if signal is self.clearance:
-            step -= track.velocity * period
-        if self.lost_since is None:
-            if signal.has_returned(step):
-                self._rebase(track, signal, measured.value)
-            elif signal.has_stopped(measured.at, settings.requalify_time):
-                self._rebase(track, signal, measured.value)
-                signal.forgive()
-                return
-        deviation = signal.deviation(track.variance(signal is self.velocity))
-        agrees = signal.agrees_again(period, step, deviation, settings.clear_time, settings.latch)
-        if self.lost_since is not None:
-            # A new target: its own agreement with itself must do, but for longer.
-            if agrees is None:
-                self.lost_since = measured.at
-            agrees = measured.at - self.lost_since >= settings.requalify_time
-        if agrees:
-            signal.forgive()
-            # What was followed while it was faulty tells nothing about it now.
-            self._path.clear()
-            if not self.faulty:
-                self.lost_since = None
+@inner
+def _hold_against(signal, measured, prediction, limit, repeated):
+    if measured.new and not repeated:
+        signal.residual, signal.limit = measured.value - prediction, limit
 
-    def _rebase(self, track: LeadTrack, signal: RadarSignal, measured: float) -> None:
-        """The jump that made a fault was undone: the signal is the reference again."""
-        variance = signal.noise.variance
-        if signal is self.clearance:
-            track.set_clearance(measured, variance)
+
+@inner
+def _judge_signal(radar, settings, signal, measured, of_clearance):
+    """Count a scan of one signal, and see what becomes of it."""
+    if not measured.new:
+        return
+    healthy = not is_radar_faulty(radar) and not is_bad(signal)
+    take_roughness(signal.roughness, measured.value, healthy)
+    count_scan(signal, settings.scan_confidence_max)
+    if signal.faulty:
+        classify(signal)
+        _requalify(radar, settings, signal, measured, of_clearance)
+    elif is_ready(radar):
+        _suspect(radar, settings, signal, of_clearance)
+
+
+@inner
+def _judge(radar, settings, repeated):
+    """Hold a scan against the track, then teach the track what is good of it."""
+    track, clearance, velocity = radar.track, radar.clearance, radar.velocity
+    measured_clearance, measured_velocity = radar.measured_clearance, radar.measured_velocity
+    has_clearance, has_velocity = measured_clearance.new, measured_velocity.new
+    age = 0.0
+    if has_clearance:
+        age = measured_clearance.age
+    if has_velocity:
+        age = max(age, measured_velocity.age) if has_clearance else measured_velocity.age
+    relative = track.acceleration - radar.host
+    limits = _limits(radar, settings)
+    clearance_variance, velocity_variance = track.cc, track.vv
+    expected = track.clearance - age * (track.velocity - 0.5 * age * relative)
+    _hold_against(clearance, measured_clearance, expected, limits[0], repeated)
+    expected = track.velocity - age * relative
+    _hold_against(velocity, measured_velocity, expected, limits[1], repeated)
+    velocity_was_faulty = velocity.faulty
+    _judge_signal(radar, settings, clearance, measured_clearance, True)
+    _judge_signal(radar, settings, velocity, measured_velocity, False)
+    if velocity.faulty and not velocity_was_faulty:
+        believe(track, radar.slow_acceleration, SLOW_STD)
+    if repeated:
+        return
+    good_clearance = not clearance.faulty and not is_bad(clearance)
+    good_velocity = not velocity.faulty and not is_bad(velocity)
+    if (good_clearance or not has_clearance) and (good_velocity or not has_velocity):
+        if has_clearance:
+            learn_noise(clearance.noise, clearance.residual, clearance_variance)
+        if has_velocity:
+            learn_noise(velocity.noise, velocity.residual, velocity_variance)
+    if has_clearance and good_clearance:
+        correct_clearance(track, clearance.residual, clearance.noise.variance)
+    if has_velocity and good_velocity:
+        now = track.velocity - age * (track.acceleration - radar.host)
+        correct_velocity(track, measured_velocity.value - now, velocity.noise.variance)
+    if not (has_clearance and has_velocity):
+        return
+    if not is_radar_faulty(radar):
+        _follow_path(radar, settings)
+    elif clearance.faulty and velocity.faulty:
+        _look_for_another(radar, settings)
+
+
+@inner
+def _suspect(radar, settings, signal, of_clearance):
+    """Whether a signal that was healthy still is."""
+    if signal.confidence >= settings.scan_confidence_threshold:
+        if of_clearance and _is_gradual(radar, settings) and is_explainable(radar.path):
+            _explain(radar, settings, signal.residual, signal.limit)
         else:
-            track.set_velocity(measured, variance)
-        signal.residual = 0.0
+            give_ground(signal.because, Ground.RESIDUAL, signal.residual, signal.limit, 0.0)
+            _convict(radar, settings, signal, Kind.OFFSET)
+    elif settings.check_roughness and is_rough(signal.roughness):
+        give_ground(signal.because, Ground.ROUGHNESS, rough_share(signal.roughness), 0.0, 0.0)
+        _convict(radar, settings, signal, Kind.NOISE)
+    elif settings.check_repetition and _is_frozen(radar, signal, of_clearance):
+        kind = Kind.ZERO if signal.last == 0.0 else Kind.HOLD
+        give_ground(signal.because, Ground.REPETITION, signal.repetition.run + 1, 0.0, 0.0)
+        _convict(radar, settings, signal, kind)
 
-    def _follow_path(self, track: LeadTrack, measured: tuple[Measured, Measured]) -> None:
-        """Hold the clearance against the path that the relative velocity makes."""
-        clearance, velocity = self.signals
-        if velocity.bad or (clearance.bad and not self._is_gradual()):
-            return
-        path = self._path
-        limit = path.limit(self._widening(), clearance.resolution)
-        path.follow(measured[0].at, measured[0].value, measured[1].value, velocity.residual)
-        drift = path.drift(limit)
-        if self._settings.check_drift and abs(drift) > limit and path.explainable:
-            self._explain(track, drift, limit)
 
-    def _look_for_another(self, measured: tuple[Measured, Measured]) -> None:
-        """A radar that gives no ids: two signals that jumped, but agree with each other since.
-
-        A fault of both leaves them contradicting each other; another car does not.
-        """
-        if self._id != UNKNOWN_TRACK or self.lost_since is not None:
-            return
-        path = self._path
-        path.follow(measured[0].at, measured[0].value, measured[1].value, 0.0)
-        limit = path.limit(1.0, self.clearance.resolution)
-        if path.length >= self._settings.drift_window and abs(path.drift(limit)) < 0.5 * limit:
-            self.lost_since = measured[0].at
-            self._begin(UNKNOWN_TRACK, *measured)
-
-    def _explain(self, track: LeadTrack, drift: float, limit: float) -> None:
-        """Clearance and relative velocity contradict each other: convict one of them."""
-        path = self._path
-        held = self.clearance.held and abs(self._travelled_while_held) > 0.5 * abs(drift)
-        wrong = path.explain(abs(drift) / limit, held)
-        if wrong is None:
-            return
-        because = (
-            f"path: the clearance left that of the relative velocity by {drift:.2f} m "
-            f"(limit {limit:.2f})"
+@inner
+def _is_frozen(radar, signal, of_clearance):
+    """A value repeated for too long, or while the relative velocity says that it changed."""
+    if of_clearance and is_held(signal):
+        return abs(radar.travelled_while_held) > max(
+            HELD_PATH,
+            HELD_SIGMA * deviation(signal.noise),
+            HELD_STEPS * signal.roughness.resolution,
         )
-        if wrong.of_clearance:
-            signal = self.clearance
-            track.set_clearance(path.clearance - wrong.error, CLEARANCE_STD**2)
-        else:
-            signal = self.velocity
-            track.set_clearance(path.clearance, CLEARANCE_STD**2)
-            track.set_velocity(path.velocity - wrong.error, VELOCITY_STD**2)
-            self.clearance.acquit()
-        signal.residual = wrong.error
-        self._convict(signal, wrong.kind, because)
+    return is_frozen(signal.repetition) and radar.host_moves
+
+
+@inner
+def _is_gradual(radar, settings):
+    """Whether the clearance goes out of its limits little by little."""
+    signal = radar.clearance
+    before = signal.residual_before
+    return (
+        settings.check_drift
+        and before * signal.residual > 0.0
+        and abs(before) > GRADUAL * signal.limit
+    )
+
+
+@inner
+def _convict(radar, settings, signal, kind):
+    convict(signal, kind, settings.scan_confidence_max)
+    signal.coasted = 0.0
+    clear_path(radar.path)
+
+
+@inner
+def _requalify(radar, settings, signal, measured, of_clearance):
+    """Whether a faulty signal is to be believed again."""
+    track = radar.track
+    period = measured.at - signal.last_at
+    step = measured.value - signal.last
+    if of_clearance:
+        step -= track.velocity * period
+    if not radar.lost:
+        if has_returned(signal, step):
+            _rebase(track, signal, measured.value, of_clearance)
+        elif has_stopped(signal, measured.at, settings.requalify_time):
+            _rebase(track, signal, measured.value, of_clearance)
+            forgive(signal)
+            return
+    spread = deviation_about(signal, track.cc if of_clearance else track.vv)
+    agreeing = follow_agreement(signal, period, step, spread)
+    agrees = agreeing and agrees_long_enough(signal, settings.clear_time, settings.latch)
+    if radar.lost:
+        # A new target: its own agreement with itself must do, but for longer.
+        if not agreeing:
+            radar.lost_since = measured.at
+        agrees = measured.at - radar.lost_since >= settings.requalify_time
+    if agrees:
+        forgive(signal)
+        # What was followed while it was faulty tells nothing about it now.
+        clear_path(radar.path)
+        if not is_radar_faulty(radar):
+            radar.lost = False
+
+
+@inner
+def _rebase(track, signal, measured, of_clearance):
+    """The jump that made a fault was undone: the signal is the reference again."""
+    if of_clearance:
+        set_clearance(track, measured, signal.noise.variance)
+    else:
+        set_velocity(track, measured, signal.noise.variance)
+    signal.residual = 0.0
+
+
+@inner
+def _follow_path(radar, settings):
+    """Hold the clearance against the path that the relative velocity makes."""
+    clearance, velocity, path = radar.clearance, radar.velocity, radar.path
+    if is_bad(velocity) or (is_bad(clearance) and not _is_gradual(radar, settings)):
+        return
+    limit = path_limit(path, settings, _widening(radar), resolution_of(clearance))
+    follow_path(
+        path,
+        settings,
+        radar.measured_clearance.at,
+        radar.measured_clearance.value,
+        radar.measured_velocity.value,
+        velocity.residual,
+    )
+    drift = path_drift(path, settings, limit)
+    if settings.check_drift and abs(drift) > limit and is_explainable(path):
+        _explain(radar, settings, drift, limit)
+
+
+@inner
+def _look_for_another(radar, settings):
+    """A radar that gives no ids: two signals that jumped, but agree with each other since.
+
+    A fault of both leaves them contradicting each other; another car does not.
+    """
+    if radar.id != UNKNOWN_TRACK or radar.lost:
+        return
+    path, at = radar.path, radar.measured_clearance.at
+    clearance, velocity = radar.measured_clearance.value, radar.measured_velocity.value
+    follow_path(path, settings, at, clearance, velocity, 0.0)
+    limit = path_limit(path, settings, 1.0, resolution_of(radar.clearance))
+    if path_length(path) < settings.drift_window:
+        return
+    if abs(path_drift(path, settings, limit)) < 0.5 * limit:
+        radar.lost, radar.lost_since = True, at
+        _begin(radar, settings, UNKNOWN_TRACK)
+
+
+@inner
+def _explain(radar, settings, difference, limit):
+    """Clearance and relative velocity contradict each other: convict one of them."""
+    path, track, drift = radar.path, radar.track, radar.drift
+    clearance, velocity = radar.clearance, radar.velocity
+    held = is_held(clearance) and abs(radar.travelled_while_held) > 0.5 * abs(difference)
+    explain_drift(path, abs(difference) / limit, held, drift)
+    if not drift.told:
+        return
+    if drift.of_clearance:
+        set_clearance(track, path.clearance - drift.error, CLEARANCE_STD**2)
+        clearance.residual = drift.error
+        give_ground(clearance.because, Ground.PATH, difference, limit, 0.0)
+        _convict(radar, settings, clearance, drift.kind)
+        return
+    set_clearance(track, path.clearance, CLEARANCE_STD**2)
+    set_velocity(track, path.velocity - drift.error, VELOCITY_STD**2)
+    acquit(clearance)
+    velocity.residual = drift.error
+    give_ground(velocity.because, Ground.PATH, difference, limit, 0.0)
+    _convict(radar, settings, velocity, drift.kind)

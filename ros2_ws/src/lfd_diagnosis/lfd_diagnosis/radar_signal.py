@@ -1,12 +1,30 @@
 """One of the radar's two signals: how it stands against its prediction, and what its fault is."""
 
-from collections import deque
-from dataclasses import dataclass, field
-from math import inf, isfinite, nan, sqrt
-from statistics import median
+from math import isfinite, isnan, sqrt
 
-from lfd_diagnosis.healthy_signal import LearntNoise, Repetition, Roughness
+import numpy as np
+
+from lfd_diagnosis.evidence import BECAUSE
+from lfd_diagnosis.healthy_signal import (
+    LEARNT_NOISE,
+    REPETITION,
+    RING,
+    ROUGHNESS,
+    append,
+    at,
+    deviation,
+    is_frozen,
+    is_full,
+    is_rough,
+    restart_repetition,
+    restart_roughness,
+    start_noise,
+    start_repetition,
+    start_ring,
+    start_roughness,
+)
 from lfd_diagnosis.verdict import Kind
+from lfd_mpc.compiled import inner
 
 BAD, GOOD = 2, 1
 """How much a disagreeing scan adds to the confidence, and an agreeing one takes away: two
@@ -14,6 +32,9 @@ disagreeing scans of three make a fault, one alone is an outlier."""
 
 FIRST = 10
 """Residuals from which the size of a jump is taken."""
+
+RECENT = 5
+"""Residuals that a jump back must stand out from."""
 
 SIZE_TIME = 0.3
 """Time constant in s of the size of a fault."""
@@ -30,189 +51,278 @@ HELD_SCANS = 6
 NOISE_CLEARS = 1.6
 """A noise leaves its limits now and then only: it must agree for so many times longer."""
 
+HISTORY = 4096
+"""Residuals of a drift that are remembered; over long times not every one is."""
 
-@dataclass
-class RadarSignal:
-    """State of one signal; lengths in its own unit (m or m/s), times in s."""
+RADAR_SIGNAL = np.dtype(
+    [
+        ("floor", "f8"),
+        ("noise", LEARNT_NOISE),
+        ("roughness", ROUGHNESS),
+        ("repetition", REPETITION),
+        ("residual", "f8"),
+        ("limit", "f8"),
+        ("residual_before", "f8"),
+        ("last", "f8"),
+        ("last_at", "f8"),
+        ("confidence", "i8"),
+        ("outliers", "i8"),
+        ("faulty", "?"),
+        ("kind", "i8"),
+        ("because", BECAUSE),
+        ("tellable", "?"),
+        ("coasted", "f8"),
+        ("estimate", "f8"),
+        ("agreeing", "f8"),
+        ("came_back", "?"),
+        ("returning", "?"),
+        ("first", RING),
+        ("recent", RING),
+        ("history", "f8", (HISTORY, 2)),
+        ("history_first", "i8"),
+        ("history_count", "i8"),
+    ],
+    align=True,
+)
+"""State of one signal; lengths in its own unit (m or m/s), times in s.
 
-    name: str
-    unit: str
-    floor: float
-    noise: LearntNoise
-    roughness: Roughness
-    repetition: Repetition
-    residual: float = nan
-    limit: float = nan
-    residual_before: float = 0.0
-    last: float = nan
-    last_at: float = -inf
-    confidence: int = 0
-    outliers: int = 0
-    faulty: bool = False
-    kind: Kind = Kind.UNKNOWN
-    because: str = ""
-    tellable: bool = True
-    coasted: float = 0.0
-    _size: float = nan
-    _agreeing: float = 0.0
-    _came_back: bool = False
-    _returning: bool = False
-    _first: list[float] = field(default_factory=list)
-    _recent: deque[float] = field(default_factory=lambda: deque(maxlen=5))
-    _history: deque[tuple[float, float]] = field(default_factory=deque)
+`estimate` is how far a faulty signal is off, `history` times and residuals of a drift.
+"""
 
-    @property
-    def bad(self) -> bool:
-        """Whether the newest scan left its limits."""
-        return not abs(self.residual) <= self.limit
 
-    @property
-    def index(self) -> float:
-        """Residual against limit, 0..1; one half at the limit. NaN before anything was judged."""
-        return abs(self.residual) / (abs(self.residual) + self.limit)
+@inner
+def start_signal(signal, floor, std, lowest, learn):
+    """Begin with the noise of the parameter file (in the signal's unit) and nothing else."""
+    signal.floor = floor
+    start_noise(signal.noise, std, lowest, 10.0 * std, learn, 400)
+    start_roughness(signal.roughness, 16)
+    start_repetition(signal.repetition, 8)
+    signal.residual_before = 0.0
+    signal.outliers = 0
+    signal.coasted = 0.0
+    signal.estimate = np.nan
+    start_ring(signal.first, FIRST)
+    start_ring(signal.recent, RECENT)
+    signal.history_count = signal.history_first = 0
+    signal.came_back = signal.returning = False
+    signal.agreeing = 0.0
+    restart_signal(signal)
+    forgive(signal)
 
-    @property
-    def size(self) -> float:
-        """How far a faulty signal is off; NaN where that says nothing."""
-        return self._size if self.kind in (Kind.OFFSET, Kind.RAMP) else nan
 
-    @property
-    def least(self) -> float:
-        """Least limit: a coarse sensor may be off by its resolution, and some noise."""
-        return max(self.floor, STEPS * self.resolution)
+@inner
+def restart_signal(signal):
+    """The next scan has nothing to do with those before."""
+    signal.last, signal.last_at = np.nan, -np.inf
+    signal.residual = signal.limit = np.nan
+    restart_roughness(signal.roughness)
+    restart_repetition(signal.repetition)
 
-    @property
-    def resolution(self) -> float:
-        """Its resolution as far as known, else 0."""
-        resolution = self.roughness.resolution
-        return resolution if isfinite(resolution) else 0.0
 
-    @property
-    def held(self) -> bool:
-        """Whether it repeats itself for longer than a moment, though maybe by coincidence."""
-        return self.repetition.run >= HELD_SCANS
+@inner
+def is_bad(signal):
+    """Whether the newest scan left its limits."""
+    return not abs(signal.residual) <= signal.limit
 
-    def deviation(self, variance: float) -> float:
-        """Standard deviation of a measurement about a prediction of that variance."""
-        return sqrt(variance + self.noise.variance)
 
-    def restart(self) -> None:
-        """The next scan has nothing to do with those before."""
-        self.last, self.last_at = nan, -inf
-        self.residual = self.limit = nan
-        self.roughness.restart()
-        self.repetition.restart()
+@inner
+def index_of(signal):
+    """Residual against limit, 0..1; one half at the limit. NaN before anything was judged."""
+    return abs(signal.residual) / (abs(signal.residual) + signal.limit)
 
-    def text(self) -> str:
-        """How it stands, in words."""
-        return f"prediction residual: {self.residual:.2f} {self.unit} (limit {self.limit:.2f})"
 
-    def count(self, ceiling: int) -> None:
-        """Confidence in a fault, by scans (eq 26 with scans for steps)."""
-        if self.bad:
-            if not self.confidence:
-                self._first = []
-            self.confidence = min(self.confidence + BAD, ceiling)
-            if len(self._first) < FIRST:
-                self._first.append(self.residual)
-            return
-        self.residual_before = self.residual
-        self.outliers += self.confidence == BAD and not self.faulty
-        self.confidence = max(self.confidence - GOOD, 0)
+@inner
+def size_of(signal):
+    """How far a faulty signal is off; NaN where that says nothing."""
+    tells = signal.kind == Kind.OFFSET or signal.kind == Kind.RAMP
+    return signal.estimate if tells else np.nan
 
-    def acquit(self) -> None:
-        """What it did wrong was another signal's fault."""
-        self.confidence, self.residual, self._first = 0, 0.0, []
 
-    def convict(self, kind: Kind, because: str, confidence: int) -> None:
-        """Faulty from now on."""
-        self.faulty, self.kind, self.because = True, kind, because
-        self.confidence = confidence
-        self._size = self.residual
-        self._first = self._first or [self.residual]
-        self._agreeing, self._came_back, self._returning = 0.0, False, False
-        self._recent.clear()
-        self._history.clear()
+@inner
+def resolution_of(signal):
+    """Its resolution as far as known, else 0."""
+    resolution = signal.roughness.resolution
+    return resolution if isfinite(resolution) else 0.0
 
-    def forgive(self) -> None:
-        """Healthy from now on."""
-        self.faulty, self.kind, self.because = False, Kind.UNKNOWN, ""
-        self.confidence, self.tellable, self._first = 0, True, []
 
-    def classify(self) -> None:
-        """What began as a jump may turn out to be something else."""
-        if self.kind not in (Kind.OFFSET, Kind.RAMP):
-            return
-        if self.last == 0.0 and self.repetition.run >= 3:
-            self.kind = Kind.ZERO
-        elif self.held and self.repetition.frozen:
-            self.kind = Kind.HOLD
-        elif self.roughness.rough and self.kind is Kind.OFFSET:
-            self.kind = Kind.NOISE
+@inner
+def least_limit(signal):
+    """Least limit: a coarse sensor may be off by its resolution, and some noise."""
+    return max(signal.floor, STEPS * resolution_of(signal))
 
-    def has_returned(self, step: float) -> bool:
-        """Whether the jump that made the fault was undone, whatever became of the reference.
 
-        `step` since the scan before, beyond the lead's own motion. One scan alone may be an
-        outlier: what jumps back must not come from one, and the next scan must not undo it.
-        """
-        if self.kind is not Kind.OFFSET:
-            return False
-        offset = sum(self._first) / len(self._first)
-        tolerance = max(TOLERANCE * abs(offset), 0.5 * self.floor, 4.0 * self.noise.deviation)
-        tolerance += self.resolution
-        if self._returning:
-            self._returning = False
-            if abs(step) < tolerance:
-                self._recent.clear()
-                self._came_back, self._agreeing = True, 0.0
-                return True
-        level = len(self._recent) == self._recent.maxlen and (
-            abs(self._recent[-1] - median(self._recent)) < tolerance
-        )
-        self._returning = level and abs(step + offset) < tolerance < abs(offset)
-        self._recent.append(self.residual)
+@inner
+def is_held(signal):
+    """Whether it repeats itself for longer than a moment, though maybe by coincidence."""
+    return signal.repetition.run >= HELD_SCANS
+
+
+@inner
+def deviation_about(signal, variance):
+    """Standard deviation of a measurement about a prediction of that variance."""
+    return sqrt(variance + signal.noise.variance)
+
+
+@inner
+def count_scan(signal, ceiling):
+    """Confidence in a fault, by scans (eq 26 with scans for steps)."""
+    if isnan(signal.residual):
+        return
+    if is_bad(signal):
+        if not signal.confidence:
+            start_ring(signal.first, FIRST)
+        signal.confidence = min(signal.confidence + BAD, ceiling)
+        if not is_full(signal.first):
+            append(signal.first, signal.residual)
+        return
+    signal.residual_before = signal.residual
+    if signal.confidence == BAD and not signal.faulty:
+        signal.outliers += 1
+    signal.confidence = max(signal.confidence - GOOD, 0)
+
+
+@inner
+def acquit(signal):
+    """What it did wrong was another signal's fault."""
+    signal.confidence, signal.residual = 0, 0.0
+    start_ring(signal.first, FIRST)
+
+
+@inner
+def convict(signal, kind, confidence):
+    """Faulty from now on; its `because` is for the caller to state."""
+    signal.faulty, signal.kind = True, kind
+    signal.confidence = confidence
+    signal.estimate = signal.residual
+    if not signal.first.count:
+        append(signal.first, signal.residual)
+    signal.agreeing, signal.came_back, signal.returning = 0.0, False, False
+    start_ring(signal.recent, RECENT)
+    signal.history_first = signal.history_count = 0
+
+
+@inner
+def forgive(signal):
+    """Healthy from now on."""
+    signal.faulty, signal.kind = False, Kind.UNKNOWN
+    signal.because.ground = 0
+    signal.confidence, signal.tellable = 0, True
+    start_ring(signal.first, FIRST)
+
+
+@inner
+def classify(signal):
+    """What began as a jump may turn out to be something else."""
+    if signal.kind != Kind.OFFSET and signal.kind != Kind.RAMP:
+        return
+    if signal.last == 0.0 and signal.repetition.run >= 3:
+        signal.kind = Kind.ZERO
+    elif is_held(signal) and is_frozen(signal.repetition):
+        signal.kind = Kind.HOLD
+    elif is_rough(signal.roughness) and signal.kind == Kind.OFFSET:
+        signal.kind = Kind.NOISE
+
+
+@inner
+def _median(ring):
+    ordered = np.sort(ring.values[: ring.count])
+    middle = ring.count // 2
+    if ring.count % 2:
+        return ordered[middle]
+    return 0.5 * (ordered[middle - 1] + ordered[middle])
+
+
+@inner
+def has_returned(signal, step):
+    """Whether the jump that made the fault was undone, whatever became of the reference.
+
+    `step` since the scan before, beyond the lead's own motion. One scan alone may be an
+    outlier: what jumps back must not come from one, and the next scan must not undo it.
+    """
+    if signal.kind != Kind.OFFSET:
         return False
+    first, recent = signal.first, signal.recent
+    offset = 0.0
+    for i in range(first.count):
+        offset += at(first, i)
+    offset /= first.count
+    tolerance = max(TOLERANCE * abs(offset), 0.5 * signal.floor, 4.0 * deviation(signal.noise))
+    tolerance += resolution_of(signal)
+    if signal.returning:
+        signal.returning = False
+        if abs(step) < tolerance:
+            start_ring(recent, RECENT)
+            signal.came_back, signal.agreeing = True, 0.0
+            return True
+    level = is_full(recent) and abs(at(recent, RECENT - 1) - _median(recent)) < tolerance
+    signal.returning = level and abs(step + offset) < tolerance and tolerance < abs(offset)
+    append(recent, signal.residual)
+    return False
 
-    def has_stopped(self, at: float, duration: float) -> bool:
-        """Whether a drift has not gone on for `duration`: nothing contradicts anything now."""
-        if self.kind is not Kind.RAMP:
-            return False
-        history = self._history
-        history.append((at, self.residual))
-        while history[-1][0] - history[0][0] > duration:
-            history.popleft()
-        values = [value for _, value in history]
-        return (
-            history[-1][0] - history[0][0] > 0.9 * duration
-            and max(values) - min(values) < 0.6 * self.floor + 4.0 * self.noise.deviation
-        )
 
-    def agrees_again(
-        self, period: float, step: float, deviation: float, clear_time: float, latch: bool
-    ) -> bool | None:
-        """Whether a faulty signal agrees for long enough to be believed; None = it does not agree.
+@inner
+def has_stopped(signal, time, duration):
+    """Whether a drift has not gone on for `duration`: nothing contradicts anything now."""
+    if signal.kind != Kind.RAMP:
+        return False
+    history, first, count = signal.history, signal.history_first, signal.history_count
+    newest = (first + count - 1) % HISTORY
+    if not count or time - history[newest, 0] >= 2.0 * duration / HISTORY:
+        if count == HISTORY:
+            first, count = (first + 1) % HISTORY, count - 1
+        newest = (first + count) % HISTORY
+        history[newest, 0], history[newest, 1] = time, signal.residual
+        count += 1
+    while history[newest, 0] - history[first, 0] > duration:
+        first, count = (first + 1) % HISTORY, count - 1
+    signal.history_first, signal.history_count = first, count
+    if history[newest, 0] - history[first, 0] <= 0.9 * duration:
+        return False
+    lowest, highest = np.inf, -np.inf
+    for i in range(count):
+        value = history[(first + i) % HISTORY, 1]
+        lowest, highest = min(lowest, value), max(highest, value)
+    return highest - lowest < 0.6 * signal.floor + 4.0 * deviation(signal.noise)
 
-        `period` since the scan before and `step` since then beyond the lead's own motion;
-        `deviation` of a healthy measurement about the reference.
-        """
-        size = max(map(abs, self._first), default=0.0)
-        self.tellable = self.limit < max(0.7 * size, 1.5 * self.floor)
-        bound = self.limit
-        if self.kind in (Kind.OFFSET, Kind.RAMP):
-            # What is known to be off by so much has not come back while it is off by half of it.
-            bound = min(bound, max(0.5 * abs(self._size), 3.0 * deviation))
-        off = self.bad or abs(self.residual) > bound
-        if off:
-            share = min(period / SIZE_TIME, 1.0)
-            self._size += share * (self.residual - self._size)
-        frozen = self.repetition.frozen and self.kind in (Kind.HOLD, Kind.ZERO)
-        if off or frozen or self.roughness.rough:
-            self._agreeing, self._came_back = 0.0, False
-            return None
-        if self.kind is not Kind.OFFSET and abs(step) > max(0.8 * self.floor, 0.4 * size):
-            self._came_back, self._agreeing = True, 0.0
-        self._agreeing += min(period, 0.2)
-        needed = clear_time * (NOISE_CLEARS if self.kind is Kind.NOISE else 1.0)
-        # Agreement with limits as wide as the fault is large says nothing: it takes a jump back.
-        return self._agreeing >= needed and (self.tellable or self._came_back or not latch)
+
+@inner
+def follow_agreement(signal, period, step, spread):
+    """Take note of whether a faulty signal agrees; false where it does not.
+
+    `period` since the scan before and `step` since then beyond the lead's own motion; `spread`
+    is the deviation of a healthy measurement about the reference.
+    """
+    size = 0.0
+    for i in range(signal.first.count):
+        size = max(size, abs(at(signal.first, i)))
+    signal.tellable = signal.limit < max(0.7 * size, 1.5 * signal.floor)
+    bound = signal.limit
+    if signal.kind == Kind.OFFSET or signal.kind == Kind.RAMP:
+        # What is known to be off by so much has not come back while it is off by half of it.
+        bound = min(bound, max(0.5 * abs(signal.estimate), 3.0 * spread))
+    off = is_bad(signal) or abs(signal.residual) > bound
+    if off:
+        share = min(period / SIZE_TIME, 1.0)
+        signal.estimate += share * (signal.residual - signal.estimate)
+    repeats = signal.kind == Kind.HOLD or signal.kind == Kind.ZERO
+    if off or (repeats and is_frozen(signal.repetition)) or is_rough(signal.roughness):
+        signal.agreeing, signal.came_back = 0.0, False
+        return False
+    if signal.kind != Kind.OFFSET and abs(step) > max(0.8 * signal.floor, 0.4 * size):
+        signal.came_back, signal.agreeing = True, 0.0
+    signal.agreeing += min(period, 0.2)
+    return True
+
+
+@inner
+def agrees_long_enough(signal, clear_time, latch):
+    """Whether a faulty signal that agrees does so for long enough to be believed."""
+    needed = clear_time * (NOISE_CLEARS if signal.kind == Kind.NOISE else 1.0)
+    # Agreement with limits as wide as the fault is large says nothing: it takes a jump back.
+    return signal.agreeing >= needed and (signal.tellable or signal.came_back or not latch)
+
+
+@inner
+def is_judged(signal):
+    """Whether there is anything to say of it."""
+    return not isnan(signal.residual)

@@ -1,78 +1,61 @@
 """What has been said so far: since when, which states changed, and the radar as a whole."""
 
-from math import isnan
+import numpy as np
 
-from lfd_diagnosis.verdict import VERDICTS, Event, Report, SignalVerdict, State
+from lfd_diagnosis.verdict import VERDICTS, State
+from lfd_mpc.compiled import inner
 
-_WORST_FIRST = {
-    state: rank
-    for rank, state in enumerate(
-        (
-            State.FAULT,
-            State.NO_DATA,
-            State.NO_TARGET,
-            State.NOT_READY,
-            State.SUSPECT,
-            State.OK,
-        )
-    )
-}
+BOOK = np.dtype(
+    [("state", "i1", (len(VERDICTS),)), ("since", "i8", (len(VERDICTS),)), ("begun", "?")],
+    align=True,
+)
+"""State and its beginning (ns) of each verdict that was published last."""
 
-
-class ReportBook:
-    """Turns verdicts into reports and events, whatever the profile."""
-
-    def __init__(self) -> None:
-        self._published: dict[str, SignalVerdict] = {}
-
-    def since(self, stamp: int, name: str, state: State) -> int:
-        """Since when a signal has been in a state (ns), that of now included."""
-        before = self._published.get(name)
-        return stamp if before is None or before.state != state else before.since
-
-    def publish(
-        self, stamp: int, step: int, verdicts: dict[str, SignalVerdict]
-    ) -> tuple[Report, list[Event]]:
-        """The report of a step and an event for each state that has changed.
-
-        `verdicts` by name, all of `VERDICTS` but the radar, which is made of its two signals.
-        """
-        radar = self._radar(stamp, verdicts["clearance"], verdicts["relative_velocity"])
-        verdicts = {**verdicts, "radar": radar}
-        events = []
-        for name in VERDICTS:
-            before, verdict = self._published.get(name), verdicts[name]
-            old_state = State.NOT_READY if before is None else before.state
-            if verdict.state != old_state:
-                old_since = stamp if before is None else before.since
-                events.append(Event(stamp, name, old_state, old_since, verdict))
-            self._published[name] = verdict
-        return Report(stamp=stamp, step=step, **verdicts), events
-
-    def _radar(
-        self, stamp: int, clearance: SignalVerdict, relative_velocity: SignalVerdict
-    ) -> SignalVerdict:
-        """The radar is as bad as the worse of its two signals."""
-        label, worse = "clearance", clearance
-        if _badness(relative_velocity) < _badness(clearance):
-            label, worse = "relative velocity", relative_velocity
-        return SignalVerdict(
-            state=worse.state,
-            index=worse.index,
-            threshold=worse.threshold,
-            confidence=worse.confidence,
-            confidence_threshold=worse.confidence_threshold,
-            since=self.since(stamp, "radar", worse.state),
-            reason=f"{label}: {worse.reason}",
-            kind=worse.kind,
-        )
+_BADNESS = np.zeros(len(State), np.int64)
+for _rank, _state in enumerate(
+    (State.OK, State.SUSPECT, State.NOT_READY, State.NO_TARGET, State.NO_DATA, State.FAULT)
+):
+    _BADNESS[_state] = _rank
 
 
-def silent(age: float) -> str:
-    """Why there is nothing to judge, for a sample of that age in s."""
-    return "no sample yet" if isnan(age) else f"no sample for {age:.2f} s"
+@inner
+def _enter(book, outcome, verdict, number):
+    """Date a verdict, and note whether its state has changed."""
+    stamp = outcome.stamp
+    old_state, old_since = State.NOT_READY.value, stamp
+    if book.begun:
+        old_state, old_since = book.state[number], book.since[number]
+    same = book.begun and verdict.state == old_state
+    verdict.since = old_since if same else stamp
+    outcome.old_state[number], outcome.old_since[number] = old_state, old_since
+    if verdict.state != old_state:
+        outcome.changed |= 1 << number
+    book.state[number], book.since[number] = verdict.state, verdict.since
 
 
-def _badness(verdict: SignalVerdict) -> tuple[int, int]:
-    """Sorts the worst verdict first."""
-    return _WORST_FIRST[verdict.state], -verdict.confidence
+@inner
+def _velocity_is_worse(outcome):
+    """Whether the relative velocity is worse than the clearance: the radar is as bad as that."""
+    clearance, velocity = outcome.clearance, outcome.relative_velocity
+    worse = _BADNESS[velocity.state] - _BADNESS[clearance.state]
+    return worse > 0 or (worse == 0 and velocity.confidence > clearance.confidence)
+
+
+@inner
+def enter_outcome(book, outcome):
+    """Make the radar's verdict of those on its two signals; date all, and note what changed."""
+    radar = outcome.radar
+    outcome.radar_is_velocity = _velocity_is_worse(outcome)
+    worse = outcome.relative_velocity if outcome.radar_is_velocity else outcome.clearance
+    radar.state, radar.kind, radar.index = worse.state, worse.kind, worse.index
+    radar.threshold, radar.confidence = worse.threshold, worse.confidence
+    radar.confidence_threshold = worse.confidence_threshold
+    radar.size = radar.size_std = np.nan
+    outcome.changed = 0
+    _enter(book, outcome, outcome.clearance, 0)
+    _enter(book, outcome, outcome.relative_velocity, 1)
+    _enter(book, outcome, radar, 2)
+    _enter(book, outcome, outcome.acceleration, 3)
+    _enter(book, outcome, outcome.host_speed, 4)
+    _enter(book, outcome, outcome.lead_acceleration, 5)
+    book.begun = True

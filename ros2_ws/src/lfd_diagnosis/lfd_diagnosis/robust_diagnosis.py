@@ -1,25 +1,44 @@
-"""The robust diagnosis: every signal against independent evidence, and reasons for each verdict."""
+"""The robust diagnosis: every signal against independent evidence (`reasons` has the words)."""
 
-from math import isfinite, isnan, nan
+from math import isnan
 
-from lfd_diagnosis.acceleration_monitor import AccelerationMonitor
-from lfd_diagnosis.lead_report import LeadReport
-from lfd_diagnosis.radar_monitor import READY_SCANS, RadarMonitor, RadarSignal
-from lfd_diagnosis.report_book import ReportBook, silent
-from lfd_diagnosis.settings import DiagnosisSettings
-from lfd_diagnosis.verdict import (
-    EVIDENCE,
-    Event,
-    Kind,
-    Outcome,
-    Reconstruction,
-    Report,
-    SignalVerdict,
-    State,
+import numpy as np
+
+from lfd_diagnosis.acceleration_monitor import (
+    ACCELERATION,
+    expected_acceleration,
+    expected_std,
+    follow_acceleration,
+    has_evidence,
+    judge_acceleration,
+    restart_acceleration,
+    start_acceleration,
 )
-from lfd_mpc.horizon import Horizon
+from lfd_diagnosis.evidence import BECAUSE, CHECK
+from lfd_diagnosis.host_speed import is_moving, is_usable
+from lfd_diagnosis.lead_report import (
+    LEAD_REPORT,
+    follow_lead_report,
+    is_trusted,
+    lead_limit,
+    restart_lead,
+)
+from lfd_diagnosis.radar_monitor import (
+    RADAR,
+    READY_SCANS,
+    coast_radar,
+    follow_radar,
+    is_radar_faulty,
+    is_ready,
+    radar_deviations,
+    restart_radar,
+    start_radar,
+)
+from lfd_diagnosis.radar_signal import deviation_about, index_of, size_of
+from lfd_diagnosis.report_book import BOOK, enter_outcome
+from lfd_diagnosis.verdict import Kind, State, outcome_kind
+from lfd_mpc.compiled import entry, inner
 from lfd_mpc.settings import STEP_NS
-from lfd_observer.bank import BankState
 
 INDEX_LIMIT = 0.5
 """Where a residual equals its limit, the index is one half."""
@@ -30,296 +49,305 @@ LARGEST_GAP = 30
 VALID_CLEARANCE_STD, VALID_VELOCITY_STD = 2.0, 1.5
 """Standard deviations in m and m/s up to which a coasted signal is offered."""
 
+RADAR_EVIDENCE = np.dtype(
+    [
+        ("residual", "f8"),
+        ("limit", "f8"),
+        ("age", "f8"),
+        ("outliers", "i8"),
+        ("because", BECAUSE),
+        ("tellable", "?"),
+    ],
+    align=True,
+)
+"""What is said of one of the radar's signals."""
 
-class RobustDiagnosis:
-    """Lead track, host's speed, observers and V2V as evidence."""
+ROBUST_EVIDENCE = np.dtype(
+    [
+        ("clearance", RADAR_EVIDENCE),
+        ("relative_velocity", RADAR_EVIDENCE),
+        ("scans", "i8"),
+        ("lost", "?"),
+        ("has_track", "?"),
+        ("clearance_std", "f8"),
+        ("relative_velocity_std", "f8"),
+        ("check", CHECK),
+        ("because", BECAUSE),
+        ("acceleration_age", "f8"),
+        ("speed_because", BECAUSE),
+        ("speed_faulty", "?"),
+        ("derivative", "f8"),
+        ("host_speed_age", "f8"),
+        ("lead_because", BECAUSE),
+        ("lead_faulty", "?"),
+        ("lead_off", "f8"),
+        ("lead_limit", "f8"),
+        ("lead_age", "f8"),
+        ("silent", "?"),
+    ],
+    align=True,
+)
+"""Figures that the reasons of an outcome are made of."""
 
-    def __init__(self, settings: DiagnosisSettings) -> None:
-        self._settings = settings
-        self._book = ReportBook()
-        self._start()
+ROBUST_OUTCOME = outcome_kind(ROBUST_EVIDENCE)
 
-    def _start(self) -> None:
-        self._radar = RadarMonitor(self._settings)
-        self._acceleration = AccelerationMonitor(self._settings)
-        self._lead = LeadReport(self._settings)
-        self._last_stamp: int | None = None
-        self._anew_because = ""
-        self._heard_lead = False
+ROBUST = np.dtype(
+    [
+        ("radar", RADAR),
+        ("acceleration", ACCELERATION),
+        ("lead", LEAD_REPORT),
+        ("book", BOOK),
+        ("last_stamp", "i8"),
+        ("begun", "?"),
+        ("heard_lead", "?"),
+    ],
+    align=True,
+)
+"""State of the robust diagnosis."""
 
-    def reset(self) -> None:
-        """Forget every fault and all that was learnt: everything is judged anew."""
-        self._start()
-        self._anew_because = "reset"
 
-    def step(self, horizon: Horizon, bank: BankState | None) -> Outcome:
-        """Answer one horizon with the bank's answer to the same one, None if it was lost."""
-        radar, acceleration = self._radar, self._acceleration
-        self._follow_time(horizon)
-        acceleration.follow(horizon)
-        lead = self._lead
-        told = lead.acceleration if lead.trusted else nan
-        radar.step(horizon, acceleration.acceleration, told, self._host_moves(horizon))
-        relative = self._relative_acceleration(bank)
-        acceleration.judge(horizon, relative, lead)
-        lead.step(horizon, self._lead_seen())
-        self._heard_lead |= lead.heard
-        report, events = self._book.publish(
-            horizon.stamp,
-            horizon.step,
-            {
-                "clearance": self._judge_radar(
-                    horizon,
-                    "clearance",
-                    radar.clearance,
-                    horizon.clearance_stale,
-                    horizon.clearance_age,
-                ),
-                "relative_velocity": self._judge_radar(
-                    horizon,
-                    "relative_velocity",
-                    radar.velocity,
-                    horizon.relative_velocity_stale,
-                    horizon.relative_velocity_age,
-                ),
-                "acceleration": self._judge_acceleration(horizon),
-                "host_speed": self._judge_host_speed(horizon),
-                "lead_acceleration": self._judge_lead(horizon),
-            },
-        )
-        return Outcome(report, events, self._reconstruct(horizon, relative))
+@inner
+def start_robust(state, settings):
+    """Forget every fault and all that was learnt: everything is judged anew."""
+    start_radar(state.radar, settings)
+    start_acceleration(state.acceleration, settings)
+    restart_lead(state.lead)
+    state.begun = state.heard_lead = False
 
-    def silence(self, stamp: int) -> tuple[Report, list[Event]]:
-        """Nothing arrives at all: the report (of no step) that says so at `stamp` (ns)."""
-        names = ("clearance", "relative_velocity", "acceleration", *EVIDENCE)
-        reason = "nothing arrives at all"
-        return self._book.publish(
-            stamp, 0, {n: self._verdict(stamp, n, State.NO_DATA, reason) for n in names}
-        )
 
-    def _follow_time(self, horizon: Horizon) -> None:
-        """Start anew where time does; a new lead alone is the radar's business."""
-        last, self._last_stamp = self._last_stamp, horizon.stamp
-        steps = None if last is None else (horizon.stamp - last) // STEP_NS
-        new_lead = horizon.restart and steps == 1
-        if steps is not None and 1 <= steps <= LARGEST_GAP and (not horizon.restart or new_lead):
-            for _ in range(steps - 1):
-                self._radar.coast(self._acceleration.acceleration)
-            return
-        if last is not None or horizon.restart:
-            self._anew_because = horizon.restart_reason or "horizons were lost on the way"
-        self._radar.restart()
-        self._acceleration.restart()
-        self._lead.restart()
+@inner
+def _follow_time(state, settings, horizon):
+    """Start anew where time does (true then); a new lead alone is the radar's business."""
+    steps = (horizon.stamp - state.last_stamp) // STEP_NS if state.begun else 0
+    had_begun = state.begun
+    state.last_stamp, state.begun = horizon.stamp, True
+    new_lead = horizon.restart and steps == 1
+    if had_begun and 1 <= steps <= LARGEST_GAP and (not horizon.restart or new_lead):
+        for _ in range(steps - 1):
+            coast_radar(state.radar, settings, state.acceleration.acceleration)
+        return False
+    restart_radar(state.radar, settings)
+    restart_acceleration(state.acceleration)
+    restart_lead(state.lead)
+    return had_begun or horizon.restart
 
-    def _host_moves(self, horizon: Horizon) -> bool:
-        """Whether the car surely moves, so that equal samples mean something."""
-        return horizon.host_speed_stale or self._acceleration.speed.moving
 
-    def _relative_acceleration(self, bank: BankState | None) -> float:
-        """What the observers reconstruct, in m/s^2; NaN where the radar is not to be believed."""
-        if bank is None or self._radar.faulty or not self._radar.ready:
-            return nan
-        return float(bank.relative_acceleration[0])
+@inner
+def _lead_seen(state, settings):
+    """The lead's acceleration as radar and host make it, in m/s^2."""
+    radar, acceleration = state.radar, state.acceleration
+    if is_radar_faulty(radar) or not is_ready(radar):
+        return np.nan
+    if acceleration.faulty and not is_usable(acceleration.speed, settings):
+        return np.nan
+    return radar.track.acceleration
 
-    def _lead_seen(self) -> float:
-        """The lead's acceleration as radar and host make it, in m/s^2."""
-        acceleration = self._acceleration
-        if self._radar.faulty or not self._radar.ready:
-            return nan
-        if acceleration.faulty and not acceleration.speed.usable:
-            return nan
-        assert self._radar.track is not None
-        return self._radar.track.acceleration
 
-    def _verdict(self, stamp: int, name: str, state: State, reason: str, **more) -> SignalVerdict:
-        values = {
-            "index": nan,
-            "threshold": INDEX_LIMIT,
-            "confidence": 0,
-            "confidence_threshold": 1,
-            **more,
-        }
-        if state == State.FAULT:
-            # A fault that is latched is no less certain for agreeing meanwhile.
-            values["confidence"] = max(values["confidence"], values["confidence_threshold"])
-        since = self._book.since(stamp, name, state)
-        return SignalVerdict(state=state, since=since, reason=reason, **values)
+@inner
+def robust_step(state, settings, horizon, relative_acceleration, outcome):
+    """Answer one horizon; `relative_acceleration` in m/s^2 is that of the first observer, NaN
+    where the bank did not answer."""
+    radar, acceleration, lead = state.radar, state.acceleration, state.lead
+    outcome.stamp, outcome.step = horizon.stamp, horizon.step
+    outcome.starts_anew = _follow_time(state, settings, horizon)
+    follow_acceleration(acceleration, settings, horizon)
+    told = lead.acceleration if is_trusted(lead, settings) else np.nan
+    moves = horizon.host_speed_stale or is_moving(acceleration.speed)
+    follow_radar(radar, settings, horizon, acceleration.acceleration, told, moves)
+    # What the observers make of a radar that is not to be believed is not to be believed either.
+    believed = is_ready(radar) and not is_radar_faulty(radar)
+    relative = relative_acceleration if believed else np.nan
+    judge_acceleration(acceleration, settings, horizon, relative, lead)
+    follow_lead_report(lead, settings, horizon, _lead_seen(state, settings))
+    state.heard_lead = state.heard_lead or lead.heard
+    outcome.evidence.silent = False
+    _judge_radar(state, settings, horizon, outcome)
+    _judge_acceleration(state, settings, horizon, outcome)
+    _judge_host_speed(state, settings, horizon, outcome)
+    _judge_lead(state, settings, horizon, outcome)
+    _reconstruct(state, settings, relative, outcome)
+    enter_outcome(state.book, outcome)
 
-    def _judge_radar(
-        self, horizon: Horizon, name: str, signal: RadarSignal, stale: bool, age: float
-    ) -> SignalVerdict:
-        radar = self._radar
-        kind, size, size_std = Kind.UNKNOWN, nan, nan
-        index = nan
-        if stale:
-            state, reason, kind = _no_data(age)
-        elif not horizon.has_target:
-            state, reason = State.NO_TARGET, "the radar sees no lead"
-        elif signal.faulty:
-            state, reason = State.FAULT, self._fault_reason(signal)
-            kind = signal.kind
-            size, size_std = signal.size, self._size_std(signal)
-            index = signal.index
-        elif not radar.ready or isnan(signal.residual):
-            state, reason = State.NOT_READY, self._filling()
-        else:
-            state = State.SUSPECT if signal.confidence else State.OK
-            index = signal.index
-            reason = f"{signal.text()}; scan {age * 1000:.0f} ms old"
-            if signal.outliers:
-                reason += f"; {signal.outliers} single outliers rejected so far"
-        if horizon.sensor_text:
-            reason += f"; the radar says: {horizon.sensor_text}"
-        return self._verdict(
-            horizon.stamp,
-            name,
-            state,
-            reason,
-            index=index,
-            confidence=signal.confidence,
-            confidence_threshold=self._settings.scan_confidence_threshold,
-            kind=kind,
-            size=size,
-            size_std=size_std,
-        )
 
-    def _fault_reason(self, signal: RadarSignal) -> str:
-        reason = f"{signal.kind.name.lower()} by {signal.because}"
-        if self._radar.lost_since is not None:
-            needed = self._settings.requalify_time
-            return f"{reason}; reference lost: a new target must agree for {needed:g} s"
-        reason += f"; now {signal.text()}"
-        if not signal.tellable:
-            reason += "; can no longer be told from a healthy signal"
-        return reason
+@inner
+def _say(verdict, state, kind, index, confidence, confidence_threshold, size, size_std):
+    verdict.state, verdict.kind = state, kind
+    verdict.index, verdict.threshold = index, INDEX_LIMIT
+    if state == State.FAULT:
+        # A fault that is latched is no less certain for agreeing meanwhile.
+        confidence = max(confidence, confidence_threshold)
+    verdict.confidence, verdict.confidence_threshold = confidence, confidence_threshold
+    verdict.size, verdict.size_std = size, size_std
 
-    def _size_std(self, signal: RadarSignal) -> float:
-        """How well the size of a fault is known."""
-        track = self._radar.track
-        if track is None or isnan(signal.size):
-            return nan
-        return signal.deviation(track.variance(signal is self._radar.velocity))
 
-    def _filling(self) -> str:
-        because = f" after: {self._anew_because}" if self._anew_because else ""
-        scans = min(self._radar.scans, READY_SCANS)
-        return f"{scans} of {READY_SCANS} scans of this target{because}"
+@inner
+def _silent_kind(age):
+    """What the silence of a signal is called; an age of NaN = there never was a sample."""
+    return Kind.UNKNOWN.value if isnan(age) else Kind.DROPOUT.value
 
-    def _judge_acceleration(self, horizon: Horizon) -> SignalVerdict:
-        monitor = self._acceleration
-        kind, size, size_std, index = Kind.UNKNOWN, nan, nan, nan
-        check = monitor.check
-        if check is not None and isfinite(check.residual):
-            off = abs(check.residual)
-            index = off / (off + check.limit)
-        if horizon.acceleration_stale:
-            state, reason, kind = _no_data(horizon.acceleration_age)
-        elif monitor.faulty:
-            state = State.FAULT
-            kind, size, size_std = monitor.kind, monitor.size, monitor.size_std
-            reason = f"{kind.name.lower()} by {monitor.because}; now {monitor.evidence()}"
-        elif check is None:
-            state, reason = State.NOT_READY, f"neither host speed nor lead: {self._filling()}"
-        else:
-            state = State.SUSPECT if monitor.confidence else State.OK
-            reason = f"{monitor.evidence()}; sample {horizon.acceleration_age * 1000:.0f} ms old"
-        if monitor.speed.faulty:
-            reason += f"; host speed is not used: {monitor.speed.because}"
-        if self._lead.faulty:
-            reason += f"; the lead's word is not used: {self._lead.because}"
-        return self._verdict(
-            horizon.stamp,
-            "acceleration",
-            state,
-            reason,
-            index=index,
-            confidence=monitor.confidence,
-            confidence_threshold=self._settings.acceleration_steps,
-            kind=kind,
-            size=size,
-            size_std=size_std,
-        )
 
-    def _judge_host_speed(self, horizon: Horizon) -> SignalVerdict:
-        speed = self._acceleration.speed
-        kind, size = Kind.UNKNOWN, nan
-        age = horizon.host_speed_age
-        if not self._settings.use_host_speed:
-            state, reason = State.NOT_READY, "not used (parameter use_host_speed)"
-        elif horizon.host_speed_stale:
-            state, reason, kind = _no_data(age)
+@inner
+def _judge_signal(radar, settings, horizon, signal, variance, stale, age, evidence, verdict):
+    state, kind, index = State.NOT_READY, Kind.UNKNOWN.value, np.nan
+    size = size_std = np.nan
+    if stale:
+        state, kind = State.NO_DATA, _silent_kind(age)
+    elif not horizon.has_target:
+        state = State.NO_TARGET
+    elif signal.faulty:
+        state, kind, index = State.FAULT, signal.kind, index_of(signal)
+        size = size_of(signal)
+        if radar.has_track and not isnan(size):
+            size_std = deviation_about(signal, variance)
+    elif is_ready(radar) and not isnan(signal.residual):
+        state = State.SUSPECT if signal.confidence else State.OK
+        index = index_of(signal)
+    threshold = settings.scan_confidence_threshold
+    _say(verdict, state, kind, index, signal.confidence, threshold, size, size_std)
+    evidence.residual, evidence.limit, evidence.age = signal.residual, signal.limit, age
+    evidence.outliers, evidence.because = signal.outliers, signal.because
+    evidence.tellable = signal.tellable
+
+
+@inner
+def _judge_radar(state, settings, horizon, outcome):
+    radar, evidence = state.radar, outcome.evidence
+    _judge_signal(
+        radar,
+        settings,
+        horizon,
+        radar.clearance,
+        radar.track.cc,
+        horizon.clearance_stale,
+        horizon.clearance_age,
+        evidence.clearance,
+        outcome.clearance,
+    )
+    _judge_signal(
+        radar,
+        settings,
+        horizon,
+        radar.velocity,
+        radar.track.vv,
+        horizon.relative_velocity_stale,
+        horizon.relative_velocity_age,
+        evidence.relative_velocity,
+        outcome.relative_velocity,
+    )
+    evidence.scans, evidence.lost = min(radar.scans, READY_SCANS), radar.lost
+
+
+@inner
+def _judge_acceleration(state, settings, horizon, outcome):
+    monitor, evidence = state.acceleration, outcome.evidence
+    verdict, kind, index = State.NOT_READY, Kind.UNKNOWN.value, np.nan
+    size = size_std = np.nan
+    if has_evidence(monitor):
+        off = abs(monitor.check.residual)
+        index = off / (off + monitor.check.limit)
+    if horizon.acceleration_stale:
+        verdict, kind = State.NO_DATA, _silent_kind(horizon.acceleration_age)
+    elif monitor.faulty:
+        verdict, kind = State.FAULT, monitor.kind
+        size, size_std = monitor.size, monitor.size_std
+    elif monitor.check.ground:
+        verdict = State.SUSPECT if monitor.confidence else State.OK
+    threshold = settings.acceleration_steps
+    _say(outcome.acceleration, verdict, kind, index, monitor.confidence, threshold, size, size_std)
+    evidence.check, evidence.because = monitor.check, monitor.because
+    evidence.acceleration_age = horizon.acceleration_age
+
+
+@inner
+def _judge_host_speed(state, settings, horizon, outcome):
+    speed, evidence = state.acceleration.speed, outcome.evidence
+    verdict, kind, size = State.NOT_READY, Kind.UNKNOWN.value, np.nan
+    if settings.use_host_speed:
+        if horizon.host_speed_stale:
+            verdict, kind = State.NO_DATA, _silent_kind(horizon.host_speed_age)
         elif speed.faulty:
-            state, kind, size = State.FAULT, speed.kind, speed.size
-            reason = f"{kind.name.lower()} by {speed.because}; not used as evidence"
-        elif not speed.usable:
-            state, reason = State.NOT_READY, "its derivative is settling"
-        else:
-            state = State.OK
-            reason = f"derivative {speed.derivative:.2f} m/s^2; sample {age * 1000:.0f} ms old"
-        return self._verdict(horizon.stamp, "host_speed", state, reason, kind=kind, size=size)
+            verdict, kind, size = State.FAULT, speed.kind, speed.size
+        elif is_usable(speed, settings):
+            verdict = State.OK
+    _say(outcome.host_speed, verdict, kind, np.nan, 0, 1, size, np.nan)
+    evidence.speed_because, evidence.speed_faulty = speed.because, speed.faulty
+    evidence.derivative, evidence.host_speed_age = speed.derivative, horizon.host_speed_age
 
-    def _judge_lead(self, horizon: Horizon) -> SignalVerdict:
-        lead, kind = self._lead, Kind.UNKNOWN
-        if not self._settings.use_lead_report:
-            state, reason = State.NOT_READY, "not used (parameter use_lead_report)"
-        elif not lead.heard:
-            state, reason, _ = _no_data(horizon.lead_acceleration_age)
+
+@inner
+def _judge_lead(state, settings, horizon, outcome):
+    lead, evidence = state.lead, outcome.evidence
+    verdict, kind, size = State.NOT_READY, Kind.UNKNOWN.value, np.nan
+    if settings.use_lead_report:
+        if not lead.heard:
+            verdict = State.NO_DATA
             # An age is known of messages that were never fit to be used, too.
-            kind = Kind.DROPOUT if self._heard_lead else Kind.UNKNOWN
+            kind = Kind.DROPOUT.value if state.heard_lead else Kind.UNKNOWN.value
         elif lead.faulty:
-            state, reason = State.FAULT, f"{lead.because}; not used as evidence"
-        elif not lead.trusted:
-            state, reason = State.NOT_READY, "must agree with radar and host for a while first"
-        else:
-            state = State.OK
-            reason = f"off by {lead.off:.2f} m/s^2 from radar and host (limit {lead.limit:.2f})"
-        size = lead.off if state == State.FAULT else nan
-        return self._verdict(
-            horizon.stamp, "lead_acceleration", state, reason, kind=kind, size=size
-        )
-
-    def _reconstruct(self, horizon: Horizon, relative: float) -> Reconstruction:
-        """Each signal from everything but a faulty one."""
-        radar, acceleration = self._radar, self._acceleration
-        track = radar.track if radar.ready and radar.lost_since is None else None
-        missing = []
-        clearance_std, velocity_std = radar.deviations()
-        if track is None:
-            missing.append(f"radar signals: {self._filling()}")
-        else:
-            if clearance_std > VALID_CLEARANCE_STD:
-                missing.append(f"clearance: not known better than to {clearance_std:.1f} m")
-            if velocity_std > VALID_VELOCITY_STD:
-                missing.append(
-                    f"relative velocity: not known better than to {velocity_std:.1f} m/s"
-                )
-        clearance_ok = track is not None and clearance_std <= VALID_CLEARANCE_STD
-        velocity_ok = track is not None and velocity_std <= VALID_VELOCITY_STD
-        acceleration_ok = acceleration.speed.usable or (
-            isfinite(acceleration.expected) and not isnan(relative)
-        )
-        if not acceleration_ok:
-            missing.append("acceleration: neither host speed nor lead tells it")
-        return Reconstruction(
-            stamp=horizon.stamp,
-            step=horizon.step,
-            clearance_valid=clearance_ok,
-            clearance=track.clearance if clearance_ok else nan,
-            clearance_std=clearance_std if clearance_ok else nan,
-            relative_velocity_valid=velocity_ok,
-            relative_velocity=track.velocity if velocity_ok else nan,
-            relative_velocity_std=velocity_std if velocity_ok else nan,
-            relative_acceleration_valid=not isnan(relative),
-            relative_acceleration=relative,
-            acceleration_valid=acceleration_ok,
-            acceleration=acceleration.expected if acceleration_ok else nan,
-            acceleration_std=acceleration.std if acceleration_ok else nan,
-            reason="; ".join(missing),
-        )
+            verdict, size = State.FAULT, lead.off
+        elif is_trusted(lead, settings):
+            verdict = State.OK
+    _say(outcome.lead_acceleration, verdict, kind, np.nan, 0, 1, size, np.nan)
+    evidence.lead_because, evidence.lead_faulty = lead.because, lead.faulty
+    evidence.lead_off, evidence.lead_limit = lead.off, lead_limit(settings)
+    evidence.lead_age = horizon.lead_acceleration_age
 
 
-def _no_data(age: float) -> tuple[State, str, Kind]:
-    """What is said of a signal whose newest sample is that old, in s; NaN = there was none."""
-    kind = Kind.UNKNOWN if isnan(age) else Kind.DROPOUT
-    return State.NO_DATA, f"transport: {silent(age)}", kind
+@inner
+def _reconstruct(state, settings, relative, outcome):
+    """Each signal from everything but a faulty one."""
+    radar, acceleration = state.radar, state.acceleration
+    made, evidence = outcome.reconstructed, outcome.evidence
+    tracked = is_ready(radar) and not radar.lost
+    clearance_std, velocity_std = radar_deviations(radar)
+    evidence.has_track = tracked
+    evidence.clearance_std, evidence.relative_velocity_std = clearance_std, velocity_std
+    made.clearance_valid = tracked and clearance_std <= VALID_CLEARANCE_STD
+    made.clearance = radar.track.clearance if made.clearance_valid else np.nan
+    made.clearance_std = clearance_std if made.clearance_valid else np.nan
+    made.relative_velocity_valid = tracked and velocity_std <= VALID_VELOCITY_STD
+    made.relative_velocity = radar.track.velocity if made.relative_velocity_valid else np.nan
+    made.relative_velocity_std = velocity_std if made.relative_velocity_valid else np.nan
+    made.relative_acceleration_valid = not isnan(relative)
+    made.relative_acceleration = relative
+    expected = expected_acceleration(acceleration, settings)
+    made.acceleration_valid = is_usable(acceleration.speed, settings) or (
+        np.isfinite(expected) and not isnan(relative)
+    )
+    made.acceleration = expected if made.acceleration_valid else np.nan
+    std = expected_std(acceleration, settings)
+    made.acceleration_std = std if made.acceleration_valid else np.nan
+
+
+@inner
+def robust_silence(state, settings, stamp, outcome):
+    """Nothing arrives at all: what is said (of no step) at `stamp` (ns)."""
+    outcome.stamp, outcome.step, outcome.starts_anew = stamp, 0, False
+    outcome.evidence.silent = True
+    for verdict in (
+        outcome.clearance,
+        outcome.relative_velocity,
+        outcome.acceleration,
+        outcome.host_speed,
+        outcome.lead_acceleration,
+    ):
+        _say(verdict, State.NO_DATA, Kind.UNKNOWN, np.nan, 0, 1, np.nan, np.nan)
+    enter_outcome(state.book, outcome)
+
+
+@entry
+def start_robust_entry(state, settings):
+    """`start_robust` for callers from outside."""
+    start_robust(state[0], settings[0])
+
+
+@entry
+def robust_step_entry(state, settings, horizon, relative_acceleration, outcome):
+    """`robust_step` for callers from outside."""
+    robust_step(state[0], settings[0], horizon[0], relative_acceleration, outcome[0])
+
+
+@entry
+def robust_silence_entry(state, settings, stamp, outcome):
+    """`robust_silence` for callers from outside."""
+    robust_silence(state[0], settings[0], stamp, outcome[0])

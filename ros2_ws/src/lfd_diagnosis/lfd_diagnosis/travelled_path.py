@@ -1,14 +1,10 @@
 """Clearance against the path that the relative velocity makes: which of them contradicts?"""
 
-from collections import deque
-from dataclasses import dataclass
-from math import inf, nan
-
 import numpy as np
 
-from lfd_diagnosis.healthy_signal import LearntNoise
-from lfd_diagnosis.settings import DiagnosisSettings
+from lfd_diagnosis.healthy_signal import LEARNT_NOISE, deviation, learn_noise, start_noise
 from lfd_diagnosis.verdict import Kind
+from lfd_mpc.compiled import inner
 
 MEAN = 0.25
 """Seconds at both ends of the window that are averaged."""
@@ -35,106 +31,184 @@ SIGMA = 5.0
 """Learnt standard deviations of the drift that make its limit."""
 
 
-@dataclass(frozen=True)
-class Drift:
-    """Who is wrong: the clearance, or else the relative velocity; by how much in its unit."""
+POINTS = 4096
+"""Scans of a path that are kept at most."""
 
-    of_clearance: bool
-    kind: Kind
-    error: float
+TRAVELLED_PATH = np.dtype(
+    [
+        ("noise", LEARNT_NOISE),
+        ("points", "f8", (POINTS, 3)),
+        ("first", "i8"),
+        ("count", "i8"),
+        ("then", "f8"),
+        ("clearance", "f8"),
+        ("velocity", "f8"),
+    ],
+    align=True,
+)
+"""What the clearance is off from the path travelled, over the last seconds.
+
+`points` are time (s), that difference (m) and how far the velocity was off from its prediction
+(m/s).
+"""
+
+DRIFT = np.dtype(
+    [("told", "?"), ("of_clearance", "?"), ("kind", "i8"), ("error", "f8")], align=True
+)
+"""Who is wrong: the clearance, or else the relative velocity; by how much in its unit. Not `told`
+while that is in doubt."""
 
 
-class TravelledPath:
-    """What the clearance is off from the path travelled, over the last seconds."""
+@inner
+def start_path(path, learn):
+    """Begin with nothing."""
+    start_noise(path.noise, 0.15, 0.02, 2.0, learn, 2000)
+    clear_path(path)
 
-    def __init__(self, settings: DiagnosisSettings) -> None:
-        self._settings = settings
-        self._noise = LearntNoise(0.15, 0.02, 2.0, settings.learn_noise, memory=2000)
-        self.clear()
 
-    def clear(self) -> None:
-        """The path begins anew at the next scan."""
-        self._points: deque[tuple[float, float, float]] = deque()
-        self._then = -inf
-        self.clearance = self.velocity = nan
+@inner
+def clear_path(path):
+    """The path begins anew at the next scan."""
+    path.first = path.count = 0
+    path.then = -np.inf
+    path.clearance = path.velocity = np.nan
 
-    @property
-    def explainable(self) -> bool:
-        """Whether the path is long enough to say who is wrong."""
-        return len(self._points) >= LEAST_POINTS
 
-    @property
-    def length(self) -> float:
-        """Seconds of path that are known."""
-        return self._points[-1][0] - self._points[0][0] if self._points else 0.0
+@inner
+def is_explainable(path):
+    """Whether the path is long enough to say who is wrong."""
+    return path.count >= LEAST_POINTS
 
-    def limit(self, widening: float, resolution: float) -> float:
-        """Drift in m beyond which the two contradict each other, the clearance in such steps."""
-        least = max(self._settings.drift_limit, STEPS * resolution)
-        return widening * max(least, SIGMA * self._noise.deviation)
 
-    def follow(self, at: float, clearance: float, velocity: float, step: float) -> None:
-        """Take one scan; `step`: how far its velocity was off from its prediction, in m/s."""
-        points, period = self._points, at - self._then
-        if not points or period > LARGEST_GAP:
-            points.clear()
-            points.append((at, 0.0, 0.0))
-        else:
-            travelled = 0.5 * (velocity + self.velocity) * period
-            points.append((at, points[-1][1] + clearance - self.clearance - travelled, step))
-            while at - points[0][0] > self._settings.drift_window + 1.0:
-                points.popleft()
-        self._then, self.clearance, self.velocity = at, clearance, velocity
+@inner
+def _point(path, number):
+    return (path.first + number) % POINTS
 
-    def drift(self, limit: float) -> float:
-        """How far the two have come apart over the window in m; 0 while the path is short."""
-        points = self._points
-        if self.length < LEAST_TIME:
-            return 0.0
-        now = points[-1][0]
-        start = max(now - self._settings.drift_window, points[0][0])
-        new = [off for t, off, _ in points if t > now - MEAN]
-        old = [off for t, off, _ in points if start <= t <= start + MEAN]
-        drift = sum(new) / len(new) - sum(old) / len(old)
-        # What is nearly a contradiction is not learnt as healthy.
-        if abs(drift) <= 0.6 * limit:
-            self._noise.take(drift, 0.0)
-        return drift
 
-    def explain(self, excess: float, held: bool) -> Drift | None:
-        """Who is wrong, None while that is in doubt.
+@inner
+def path_length(path):
+    """Seconds of path that are known."""
+    if not path.count:
+        return 0.0
+    return path.points[_point(path, path.count - 1), 0] - path.points[path.first, 0]
 
-        A clearance that drifts leaves the path in a straight line; a relative velocity that drifts
-        bends it; a step of the velocity, too small for its own limits, leaves a straight line, but
-        was seen as a step. `excess`: drift over its limit; `held`: the clearance repeats itself.
-        """
-        points = np.array(self._points)
-        times, off = points[:, 0] - points[-1, 0], points[:, 1]
-        line, bend = (self._fit(times, off, power) for power in (1, 2))
-        if held:
-            return Drift(True, Kind.HOLD, float(off[-1] - line[2]))
-        better, worse = sorted((line[0], bend[0]))
-        if better > DOUBT * worse and excess < PATIENCE:
-            return None
-        if bend[0] < line[0]:
-            _, onset, _, slope = bend
-            return Drift(False, Kind.RAMP, float(2.0 * slope * onset))
-        _, onset, base, slope = line
-        near = np.abs(times - onset) <= STEP_SEARCH
-        if np.any(-np.sign(slope) * points[near, 2] > STEP_SHARE * abs(slope)):
-            return Drift(False, Kind.OFFSET, float(-slope))
-        return Drift(True, Kind.RAMP, float(off[-1] - base))
 
-    @staticmethod
-    def _fit(times: np.ndarray, off: np.ndarray, power: int) -> tuple[float, float, float, float]:
-        """Best of `base + slope * (t - onset)^power`: squared error, onset, base, slope."""
-        best = inf, 0.0, 0.0, 0.0
-        for onset in np.linspace(times[0], -2.0 * MEAN, ONSETS):
-            shape = (times - onset).clip(min=0.0) ** power
-            centred = shape - shape.mean()
-            slope = centred @ off / (centred @ centred)
-            base = off.mean() - slope * shape.mean()
-            error = float(np.sum((base + slope * shape - off) ** 2))
-            if error < best[0]:
-                best = error, float(onset), float(base), float(slope)
-        return best
+@inner
+def path_limit(path, settings, widening, resolution):
+    """Drift in m beyond which the two contradict each other, the clearance in such steps."""
+    least = max(settings.drift_limit, STEPS * resolution)
+    return widening * max(least, SIGMA * deviation(path.noise))
+
+
+@inner
+def follow_path(path, settings, at, clearance, velocity, step):
+    """Take one scan; `step`: how far its velocity was off from its prediction, in m/s."""
+    points, period = path.points, at - path.then
+    if not path.count or period > LARGEST_GAP:
+        path.first = path.count = 0
+        off, step = 0.0, 0.0
+    else:
+        travelled = 0.5 * (velocity + path.velocity) * period
+        last = points[_point(path, path.count - 1), 1]
+        off = last + clearance - path.clearance - travelled
+    if path.count == POINTS:
+        path.first, path.count = _point(path, 1), path.count - 1
+    new = _point(path, path.count)
+    points[new, 0], points[new, 1], points[new, 2] = at, off, step
+    path.count += 1
+    while at - points[path.first, 0] > settings.drift_window + 1.0:
+        path.first, path.count = _point(path, 1), path.count - 1
+    path.then, path.clearance, path.velocity = at, clearance, velocity
+
+
+@inner
+def path_drift(path, settings, limit):
+    """How far the two have come apart over the window in m; 0 while the path is short."""
+    if path_length(path) < LEAST_TIME:
+        return 0.0
+    points = path.points
+    now = points[_point(path, path.count - 1), 0]
+    start = max(now - settings.drift_window, points[path.first, 0])
+    new = old = 0.0
+    new_count = old_count = 0
+    for i in range(path.count):
+        k = _point(path, i)
+        if points[k, 0] > now - MEAN:
+            new += points[k, 1]
+            new_count += 1
+        if start <= points[k, 0] <= start + MEAN:
+            old += points[k, 1]
+            old_count += 1
+    drift = new / new_count - old / old_count
+    # What is nearly a contradiction is not learnt as healthy.
+    if abs(drift) <= 0.6 * limit:
+        learn_noise(path.noise, drift, 0.0)
+    return drift
+
+
+@inner
+def _fit(times, off, power):
+    """Best of `base + slope * (t - onset)^power`: squared error, onset, base, slope."""
+    n = len(times)
+    best_error, best_onset, best_base, best_slope = np.inf, 0.0, 0.0, 0.0
+    mean_off = off.mean()
+    shape = np.empty(n)
+    for k in range(ONSETS):
+        onset = times[0] + k * (-2.0 * MEAN - times[0]) / (ONSETS - 1)
+        mean_shape = 0.0
+        for i in range(n):
+            shape[i] = max(times[i] - onset, 0.0) ** power
+            mean_shape += shape[i] / n
+        product = square = 0.0
+        for i in range(n):
+            centred = shape[i] - mean_shape
+            product += centred * off[i]
+            square += centred * centred
+        slope = product / square
+        base = mean_off - slope * mean_shape
+        error = 0.0
+        for i in range(n):
+            error += (base + slope * shape[i] - off[i]) ** 2
+        if error < best_error:
+            best_error, best_onset, best_base, best_slope = error, onset, base, slope
+    return best_error, best_onset, best_base, best_slope
+
+
+@inner
+def _tell(drift, of_clearance, kind, error):
+    drift.told, drift.of_clearance, drift.kind, drift.error = True, of_clearance, kind, error
+
+
+@inner
+def explain_drift(path, excess, held, drift):
+    """Who is wrong: into `drift`.
+
+    A clearance that drifts leaves the path in a straight line; a relative velocity that drifts
+    bends it; a step of the velocity, too small for its own limits, leaves a straight line, but
+    was seen as a step. `excess`: drift over its limit; `held`: the clearance repeats itself.
+    """
+    n = path.count
+    times, off, steps = np.empty(n), np.empty(n), np.empty(n)
+    now = path.points[_point(path, n - 1), 0]
+    for i in range(n):
+        k = _point(path, i)
+        times[i] = path.points[k, 0] - now
+        off[i], steps[i] = path.points[k, 1], path.points[k, 2]
+    line_error, line_onset, line_base, line_slope = _fit(times, off, 1)
+    bend_error, bend_onset, _, bend_slope = _fit(times, off, 2)
+    drift.told = False
+    if held:
+        _tell(drift, True, Kind.HOLD, off[n - 1] - line_base)
+        return
+    better, worse = min(line_error, bend_error), max(line_error, bend_error)
+    if better > DOUBT * worse and excess < PATIENCE:
+        return
+    if bend_error < line_error:
+        _tell(drift, False, Kind.RAMP, 2.0 * bend_slope * bend_onset)
+        return
+    for i in range(n):
+        near = abs(times[i] - line_onset) <= STEP_SEARCH
+        if near and -np.sign(line_slope) * steps[i] > STEP_SHARE * abs(line_slope):
+            _tell(drift, False, Kind.OFFSET, -line_slope)
+            return
+    _tell(drift, True, Kind.RAMP, off[n - 1] - line_base)

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from math import nan
 
+import numpy as np
+
 
 class State(IntEnum):
     """States of a signal; the values are those of `lfd_msgs/SignalFault`."""
@@ -36,6 +38,65 @@ EVIDENCE = ("host_speed", "lead_acceleration")
 
 VERDICTS = (*SIGNALS, *EVIDENCE)
 """All verdicts in a report, in the order in which events are published."""
+
+
+VERDICT = np.dtype(
+    [
+        ("state", "i1"),
+        ("kind", "i1"),
+        ("confidence", "i4"),
+        ("confidence_threshold", "i4"),
+        ("index", "f8"),
+        ("threshold", "f8"),
+        ("since", "i8"),
+        ("size", "f8"),
+        ("size_std", "f8"),
+    ],
+    align=True,
+)
+"""The fields of `SignalVerdict` but its reason, which is made from the evidence."""
+
+RECONSTRUCTED = np.dtype(
+    [
+        ("clearance_valid", "?"),
+        ("clearance", "f8"),
+        ("clearance_std", "f8"),
+        ("relative_velocity_valid", "?"),
+        ("relative_velocity", "f8"),
+        ("relative_velocity_std", "f8"),
+        ("relative_acceleration_valid", "?"),
+        ("relative_acceleration", "f8"),
+        ("acceleration_valid", "?"),
+        ("acceleration", "f8"),
+        ("acceleration_std", "f8"),
+    ],
+    align=True,
+)
+"""The fields of `Reconstruction` but its reason."""
+
+
+def outcome_kind(evidence: np.dtype) -> np.dtype:
+    """Everything that is said after one step, as a record; `evidence` is the profile's.
+
+    `changed` are the verdicts whose state has, as bits in the order of `VERDICTS`; `old_state`
+    and `old_since` what they were before; `starts_anew` where nothing from before this step counts;
+    `radar_is_velocity` where the radar's verdict is that on the relative velocity.
+    """
+    return np.dtype(
+        [
+            ("stamp", "i8"),
+            ("step", "i8"),
+            *((name, VERDICT) for name in VERDICTS),
+            ("reconstructed", RECONSTRUCTED),
+            ("changed", "i8"),
+            ("old_state", "i1", (len(VERDICTS),)),
+            ("old_since", "i8", (len(VERDICTS),)),
+            ("starts_anew", "?"),
+            ("radar_is_velocity", "?"),
+            ("evidence", evidence),
+        ],
+        align=True,
+    )
 
 
 @dataclass(frozen=True)

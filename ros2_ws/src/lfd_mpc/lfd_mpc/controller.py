@@ -1,15 +1,96 @@
 """The model predictive controller: one state in, one input sequence and its prediction out."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lfd_mpc.box_qp import BoxQp
+from lfd_mpc.box_qp import (
+    SOLVED,
+    BoxProblem,
+    BoxQp,
+    optimality_residual,
+    solve_at_limits,
+    solve_free,
+)
+from lfd_mpc.compiled import entry, inner
 from lfd_mpc.prediction_model import build_prediction_model
-from lfd_mpc.settings import MpcSettings
+from lfd_mpc.settings import STEP_S, MpcSettings
 
 Array = NDArray[np.float64]
+
+
+class ControlModel(NamedTuple):
+    """Everything that does not change, as compiled functions take it; shapes as in the model."""
+
+    problem: BoxProblem
+    f_error: Array
+    f_input: Array
+    preview_time: float
+    minimum_clearance: float
+    residual_limit: float
+    own_solver: bool
+    linear: bool
+
+
+@inner
+def desired_clearance(model, clearance, host_speed):
+    """In m (eq 1); without a host speed (NaN) the clearance itself, so that only the relative
+    velocity is regulated."""
+    if np.isnan(host_speed):
+        return clearance
+    return host_speed * model.preview_time + model.minimum_clearance
+
+
+@inner
+def linear_cost(model, error, relative_velocity, acceleration, f):
+    """The cost's linear term (N,) of a state (eq 8)."""
+    for i in range(len(f)):
+        f[i] = (
+            model.f_error[i, 0] * error
+            + model.f_error[i, 1] * relative_velocity
+            + model.f_input[i] * acceleration
+        )
+
+
+@inner
+def roll_out(model, clearance, relative_velocity, acceleration, plan, states):
+    """The prediction (N, 2) in m and m/s for 1..N steps ahead (eqs 3 and 10).
+
+    `acceleration` is the input now and `plan` (N,) those to come, in m/s^2; the linear prediction
+    is the same as if neither car accelerated.
+    """
+    applied = acceleration
+    for i in range(len(plan)):
+        clearance += STEP_S * relative_velocity
+        if not model.linear:
+            relative_velocity -= STEP_S * applied
+        states[i, 0], states[i, 1] = clearance, relative_velocity
+        applied = plan[i]
+
+
+@inner
+def plan_inputs(model, f, plan):
+    """Plan (N,) for a cost; its residual in m/s^2, infinite where another solver is to be asked."""
+    if solve_free(model.problem, f, plan):
+        return optimality_residual(model.problem, plan, f, np.empty(len(plan)))
+    return solve_at_limits(model.problem, f, plan) if model.own_solver else np.inf
+
+
+@entry
+def roll_out_entry(model, clearance, relative_velocity, acceleration, plan, states):
+    """`roll_out` for callers from outside."""
+    roll_out(model, clearance, relative_velocity, acceleration, plan, states)
+
+
+@entry
+def _solve(model, clearance, relative_velocity, acceleration, host_speed, f, plan, states):
+    desired = desired_clearance(model, clearance, host_speed)
+    linear_cost(model, clearance - desired, relative_velocity, acceleration, f)
+    residual = plan_inputs(model, f, plan)
+    roll_out(model, clearance, relative_velocity, acceleration, plan, states)
+    return desired, residual
 
 
 @dataclass(frozen=True)
@@ -17,7 +98,7 @@ class ControlSolution:
     """Result of one step.
 
     `inputs` (N,) in m/s^2 and `states` (N, 2) in m and m/s for 1..N steps ahead, or None where
-    nothing was found; `desired_clearance` in m; `residual` in m/s^2; `seconds` of wall time.
+    nothing was found; `desired_clearance` in m; `residual` in m/s^2.
     """
 
     inputs: Array | None
@@ -25,7 +106,6 @@ class ControlSolution:
     desired_clearance: float
     status: str
     residual: float
-    seconds: float
     fell_back: bool
 
     @property
@@ -39,15 +119,25 @@ class Controller:
 
     def __init__(self, settings: MpcSettings) -> None:
         """Raises ValueError for weights, limits or a solver that cannot work."""
-        self._settings = settings
-        self._model = build_prediction_model(settings)
+        model = build_prediction_model(settings)
         n = settings.prediction_steps
-        self._qp = BoxQp(
-            self._model.P,
+        self.steps = n
+        self.qp = BoxQp(
+            model.P,
             np.full(n, settings.acceleration_lower),
             np.full(n, settings.acceleration_upper),
             settings.solver,
             settings.residual_limit,
+        )
+        self.model = ControlModel(
+            problem=self.qp.problem,
+            f_error=np.array(model.f_error),
+            f_input=np.array(model.f_input),
+            preview_time=settings.preview_time,
+            minimum_clearance=settings.minimum_clearance,
+            residual_limit=settings.residual_limit,
+            own_solver=self.qp.own_solver,
+            linear=settings.prediction == "linear",
         )
 
     def solve(
@@ -62,26 +152,18 @@ class Controller:
         Without a host speed the clearance itself is the desired one, so that only the relative
         velocity is regulated.
         """
-        settings = self._settings
-        desired = clearance
-        if host_speed is not None:
-            desired = host_speed * settings.preview_time + settings.minimum_clearance
-        error = np.array([clearance - desired, relative_velocity])
-        f = self._model.f_error @ error + self._model.f_input * acceleration
-        solution = self._qp.solve(f)
-        states = None
-        if solution.u is not None:
-            if settings.prediction == "linear":
-                states = self._model.predict_linear(error)
-            else:
-                states = self._model.predict(error, solution.u, acceleration)
-            states[:, 0] += desired
+        f, plan, states = np.empty(self.steps), np.empty(self.steps), np.empty((self.steps, 2))
+        state = clearance, relative_velocity, acceleration
+        speed = np.nan if host_speed is None else host_speed
+        desired, residual = _solve(self.model, *state, speed, f, plan, states)
+        if residual <= self.model.residual_limit:
+            return ControlSolution(plan, states, desired, SOLVED, residual, False)
+        solution = self.qp.solve(f)
+        if solution.u is None:
+            return ControlSolution(
+                None, None, desired, solution.status, solution.residual, solution.fell_back
+            )
+        roll_out_entry(self.model, *state, solution.u, states)
         return ControlSolution(
-            inputs=solution.u,
-            states=states,
-            desired_clearance=desired,
-            status=solution.status,
-            residual=solution.residual,
-            seconds=solution.seconds,
-            fell_back=solution.fell_back,
+            solution.u, states, desired, solution.status, solution.residual, solution.fell_back
         )

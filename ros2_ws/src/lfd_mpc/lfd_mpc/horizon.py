@@ -1,17 +1,124 @@
 """Samples in, prediction horizons out: the whole controller without ROS."""
 
+import time
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
-from math import isfinite, nan
+from math import isfinite
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lfd_mpc.controller import Controller, ControlSolution
-from lfd_mpc.sampling import Sample, Sampler, StepInputs
+from lfd_mpc.box_qp import NOT_FOUND, SOLVED, SOLVED_EXACTLY
+from lfd_mpc.compiled import entry, inner, make_state
+from lfd_mpc.controller import (
+    Controller,
+    desired_clearance,
+    linear_cost,
+    plan_inputs,
+    roll_out,
+)
+from lfd_mpc.sampling import (
+    STEP_INPUTS,
+    Sample,
+    Sampler,
+    next_step,
+    restart_reason,
+    take_clock,
+)
 from lfd_mpc.settings import MpcSettings
 
 NOTHING = np.empty(0)
+
+
+class Status(IntEnum):
+    """How a step's problem was solved, or why there was none."""
+
+    SOLVED = 0
+    SOLVED_EXACTLY = 1
+    NOT_FOUND = 2
+    NO_CLEARANCE = 3
+    NO_RELATIVE_VELOCITY = 4
+    NO_TARGET = 5
+    NOT_MEASURED_YET = 6
+
+
+STATUS_TEXTS = {
+    Status.SOLVED: SOLVED,
+    Status.SOLVED_EXACTLY: SOLVED_EXACTLY,
+    Status.NOT_FOUND: NOT_FOUND,
+    Status.NO_CLEARANCE: "no clearance",
+    Status.NO_RELATIVE_VELOCITY: "no relative velocity",
+    Status.NO_TARGET: "no target",
+    Status.NOT_MEASURED_YET: "clearance or relative velocity not measured yet",
+}
+"""A horizon's `solver_status`."""
+
+
+class Progress(IntEnum):
+    """What came of asking for the next step."""
+
+    NO_STEP = 0
+    DONE = 1
+    UNSOLVED = 2
+
+
+_FIELDS = {
+    "i8": (
+        "stamp",
+        "step",
+        "late_samples",
+        "refused_samples",
+        "bad_samples",
+        "fallbacks",
+        "track_id",
+        "sensor_flags",
+    ),
+    "f8": (
+        "measured_clearance",
+        "measured_relative_velocity",
+        "measured_acceleration",
+        "measured_host_speed",
+        "measured_lead_acceleration",
+        "clearance_age",
+        "relative_velocity_age",
+        "acceleration_age",
+        "host_speed_age",
+        "lead_acceleration_age",
+        "clearance",
+        "relative_velocity",
+        "acceleration",
+        "host_speed",
+        "residual",
+        "solve_time",
+        "command",
+        "desired_clearance",
+    ),
+    "?": (
+        "restart",
+        "without_acceleration",
+        "has_target",
+        "clearance_stale",
+        "relative_velocity_stale",
+        "acceleration_stale",
+        "host_speed_stale",
+        "lead_acceleration_stale",
+        "valid",
+    ),
+}
+
+HORIZON_FIELDS = tuple(name for names in _FIELDS.values() for name in names)
+"""Fields of a horizon that are neither text nor arrays."""
+
+HORIZON = np.dtype([(name, kind) for kind, names in _FIELDS.items() for name in names], align=True)
+"""These fields as a record, as compiled functions take it; its arrays go beside it."""
+
+MPC_STATE = np.dtype(
+    [("inputs", STEP_INPUTS), ("horizon", HORIZON), ("status", "i8"), ("fallbacks", "i8")],
+    align=True,
+)
+"""The step that was made last."""
 
 
 @dataclass(frozen=True)
@@ -72,94 +179,204 @@ class Horizon:
         states[:, 1] = self.predicted_relative_velocity
         return states
 
+    @cached_property
+    def record(self) -> NDArray[np.void]:
+        """The fields of `HORIZON` as an array of one, for compiled functions."""
+        made = np.zeros(1, HORIZON)
+        made[0] = _record_values(self)
+        return made
+
+
+_record_values = attrgetter(*HORIZON_FIELDS)
+
+
+@inner
+def _missing(inputs):
+    """Why there is nothing to solve; `SOLVED` where all is there."""
+    if inputs.clearance.stale:
+        return Status.NO_CLEARANCE
+    if inputs.relative_velocity.stale:
+        return Status.NO_RELATIVE_VELOCITY
+    if not inputs.has_target:
+        return Status.NO_TARGET
+    if not isfinite(inputs.clearance_now):
+        return Status.NOT_MEASURED_YET
+    return Status.SOLVED
+
+
+@inner
+def _carry_over(inputs, horizon):
+    """What a horizon says of the samples that it rests on."""
+    horizon.stamp, horizon.step = inputs.stamp, inputs.step
+    horizon.restart = inputs.restart != 0
+    horizon.without_acceleration = inputs.without_acceleration
+    horizon.late_samples = inputs.late_samples
+    horizon.refused_samples = inputs.refused_samples
+    horizon.bad_samples = inputs.bad_samples
+    horizon.has_target, horizon.track_id = inputs.has_target, inputs.track_id
+    horizon.sensor_flags = inputs.sensor_flags
+    horizon.measured_clearance = inputs.clearance.measured
+    horizon.clearance_age = inputs.clearance.age
+    horizon.clearance_stale = inputs.clearance.stale
+    horizon.measured_relative_velocity = inputs.relative_velocity.measured
+    horizon.relative_velocity_age = inputs.relative_velocity.age
+    horizon.relative_velocity_stale = inputs.relative_velocity.stale
+    horizon.measured_acceleration = inputs.acceleration.measured
+    horizon.acceleration_age = inputs.acceleration.age
+    horizon.acceleration_stale = inputs.acceleration.stale
+    horizon.measured_host_speed = inputs.host_speed.measured
+    horizon.host_speed_age = inputs.host_speed.age
+    horizon.host_speed_stale = inputs.host_speed.stale
+    horizon.measured_lead_acceleration = inputs.lead_acceleration.measured
+    horizon.lead_acceleration_age = inputs.lead_acceleration.age
+    horizon.lead_acceleration_stale = inputs.lead_acceleration.stale
+    horizon.acceleration = 0.0 if inputs.acceleration.stale else inputs.acceleration.measured
+    horizon.host_speed = np.nan if inputs.host_speed.stale else inputs.host_speed.measured
+
+
+@inner
+def mpc_step(sampler, model, state, f, plan, states):
+    """The next step that is released: into `state`, `plan` (N,) and `states` (N, 2).
+
+    Where the plan is not for the compiled solver to make, its cost is in `f` (N,), and
+    `finish_step` is to be called with what another solver says.
+    """
+    inputs, horizon = state.inputs, state.horizon
+    if not next_step(sampler, inputs):
+        return Progress.NO_STEP
+    _carry_over(inputs, horizon)
+    state.status = _missing(inputs)
+    horizon.solve_time = 0.0
+    if state.status != Status.SOLVED:
+        horizon.clearance = horizon.relative_velocity = horizon.desired_clearance = np.nan
+        _without_solution(state)
+        return Progress.DONE
+    horizon.clearance = inputs.clearance_now
+    horizon.relative_velocity = inputs.relative_velocity.measured
+    desired = desired_clearance(model, horizon.clearance, horizon.host_speed)
+    horizon.desired_clearance = desired
+    linear_cost(
+        model, horizon.clearance - desired, horizon.relative_velocity, horizon.acceleration, f
+    )
+    horizon.residual = plan_inputs(model, f, plan)
+    if not horizon.residual <= model.residual_limit:
+        return Progress.UNSOLVED
+    _with_solution(model, state, plan, states)
+    return Progress.DONE
+
+
+@inner
+def _without_solution(state):
+    horizon = state.horizon
+    horizon.valid = False
+    horizon.residual = np.nan
+    horizon.command = 0.0
+    horizon.fallbacks = state.fallbacks
+
+
+@inner
+def _with_solution(model, state, plan, states):
+    horizon = state.horizon
+    horizon.valid = True
+    horizon.command = plan[0]
+    horizon.fallbacks = state.fallbacks
+    roll_out(
+        model,
+        horizon.clearance,
+        horizon.relative_velocity,
+        horizon.acceleration,
+        plan,
+        states,
+    )
+
+
+@inner
+def finish_step(model, state, status, residual, fell_back, plan, states):
+    """Take what another solver says of a step that is unsolved."""
+    state.status = status
+    state.fallbacks += fell_back
+    if status == Status.NOT_FOUND:
+        _without_solution(state)
+        return
+    state.horizon.residual = residual
+    _with_solution(model, state, plan, states)
+
+
+@entry
+def _mpc_step(sampler, model, state, f, plan, states):
+    return mpc_step(sampler[0], model, state[0], f, plan, states)
+
+
+@entry
+def _finish_step(model, state, status, residual, fell_back, plan, states):
+    finish_step(model, state[0], status, residual, fell_back, plan, states)
+
+
+_STATUS = {text: status for status, text in STATUS_TEXTS.items()}
+
 
 class Mpc:
     """The controller behind its sampler."""
 
     def __init__(self, settings: MpcSettings) -> None:
         """Raises ValueError for settings that cannot work."""
-        self._controller = Controller(settings)
-        self._sampler = Sampler()
-        self._fallbacks = 0
+        self.controller = Controller(settings)
+        self.sampler = Sampler()
+        self.state = make_state(MPC_STATE)
+        self._f = np.empty(self.controller.steps)
 
     def push(self, sample: Sample) -> list[Horizon]:
         """Take one sample; returns the steps that it releases."""
-        return [self._step(inputs) for inputs in self._sampler.push(sample)]
+        self.sampler.take(sample)
+        return self._steps()
 
     def clock(self, stamp: int) -> list[Horizon]:
         """The clock has reached `stamp` (ns); returns the steps that this releases."""
-        return [self._step(inputs) for inputs in self._sampler.clock(stamp)]
+        take_clock(self.sampler.state, stamp)
+        return self._steps()
 
-    def _step(self, sampled: StepInputs) -> Horizon:
-        acceleration = 0.0 if sampled.acceleration.stale else sampled.acceleration.measured
-        host_speed = nan if sampled.host_speed.stale else sampled.host_speed.measured
-        missing = _missing(sampled)
-        if missing:
-            clearance = relative_velocity = nan
-            solution = ControlSolution(None, None, nan, missing, nan, 0.0, False)
-        else:
-            clearance, relative_velocity = sampled.clearance_now, sampled.relative_velocity.measured
-            solution = self._controller.solve(
-                clearance,
-                relative_velocity,
-                acceleration,
-                host_speed if isfinite(host_speed) else None,
-            )
-        self._fallbacks += solution.fell_back
-        states, inputs = solution.states, solution.inputs
-        return Horizon(
-            stamp=sampled.stamp,
-            step=sampled.step,
-            restart=bool(sampled.restart_reason),
-            restart_reason=sampled.restart_reason,
-            without_acceleration=sampled.without_acceleration,
-            late_samples=sampled.late_samples,
-            refused_samples=sampled.refused_samples,
-            bad_samples=sampled.bad_samples,
-            fallbacks=self._fallbacks,
-            has_target=sampled.has_target,
-            track_id=sampled.track_id,
-            sensor_flags=sampled.sensor_flags,
-            sensor_text=sampled.sensor_text,
-            measured_clearance=sampled.clearance.measured,
-            measured_relative_velocity=sampled.relative_velocity.measured,
-            measured_acceleration=sampled.acceleration.measured,
-            measured_host_speed=sampled.host_speed.measured,
-            measured_lead_acceleration=sampled.lead_acceleration.measured,
-            clearance_age=sampled.clearance.age,
-            relative_velocity_age=sampled.relative_velocity.age,
-            acceleration_age=sampled.acceleration.age,
-            host_speed_age=sampled.host_speed.age,
-            lead_acceleration_age=sampled.lead_acceleration.age,
-            clearance_stale=sampled.clearance.stale,
-            relative_velocity_stale=sampled.relative_velocity.stale,
-            acceleration_stale=sampled.acceleration.stale,
-            host_speed_stale=sampled.host_speed.stale,
-            lead_acceleration_stale=sampled.lead_acceleration.stale,
-            clearance=clearance,
-            relative_velocity=relative_velocity,
-            acceleration=acceleration,
-            host_speed=host_speed,
-            valid=states is not None,
-            solver_status=solution.status,
-            residual=solution.residual,
-            solve_time=solution.seconds,
-            command=solution.command,
-            desired_clearance=solution.desired_clearance,
-            predicted_clearance=NOTHING if states is None else states[:, 0],
-            predicted_relative_velocity=NOTHING if states is None else states[:, 1],
-            input_sequence=NOTHING if inputs is None else inputs,
+    def solve_outside(self, f: NDArray, plan: NDArray, states: NDArray) -> None:
+        """Let the chosen solver, or the exact one, plan the step that is unsolved."""
+        solution = self.controller.qp.solve(f)
+        if solution.u is not None:
+            plan[:] = solution.u
+        _finish_step(
+            self.controller.model,
+            self.state,
+            int(_STATUS[solution.status]),
+            solution.residual,
+            solution.fell_back,
+            plan,
+            states,
         )
 
+    def _steps(self) -> list[Horizon]:
+        made = []
+        while True:
+            n = self.controller.steps
+            plan, states = np.empty(n), np.empty((n, 2))
+            start = time.perf_counter()
+            arguments = self.sampler.state, self.controller.model, self.state
+            progress = _mpc_step(*arguments, self._f, plan, states)
+            if progress == Progress.NO_STEP:
+                return made
+            if progress == Progress.UNSOLVED:
+                self.solve_outside(self._f, plan, states)
+            self.state["horizon"]["solve_time"][0] = time.perf_counter() - start
+            made.append(self.horizon(plan, states))
 
-def _missing(sampled: StepInputs) -> str:
-    """Why there is nothing to solve; empty = all is there."""
-    if sampled.clearance.stale:
-        return "no clearance"
-    if sampled.relative_velocity.stale:
-        return "no relative velocity"
-    if not sampled.has_target:
-        return "no target"
-    if not isfinite(sampled.clearance_now):
-        return "clearance or relative velocity not measured yet"
-    return ""
+    def horizon(self, plan: NDArray, states: NDArray) -> Horizon:
+        """The step that was made last, with its plan (N,) and prediction (N, 2)."""
+        state = self.state[0]
+        record, inputs = state["horizon"], state["inputs"]
+        values = dict(zip(HORIZON_FIELDS, record.item(), strict=True))
+        valid = values["valid"]
+        return Horizon(
+            restart_reason=restart_reason(inputs),
+            sensor_text=self.sampler.texts.text(int(inputs["text"])),
+            solver_status=STATUS_TEXTS[int(state["status"])],
+            predicted_clearance=states[:, 0] if valid else NOTHING,
+            predicted_relative_velocity=states[:, 1] if valid else NOTHING,
+            input_sequence=plan if valid else NOTHING,
+            **values,
+        )

@@ -6,13 +6,20 @@ gives the same steps as the drive did. Stamps are integer nanoseconds.
 Rules, in short: a step lies on every whole multiple of 10 ms. An acceleration sample releases the
 steps up to its stamp; where the accelerometer is silent, any other input, or the clock, does so
 50 ms later. A step uses the newest sample of each signal at or before it.
+
+`take_sample` and `take_clock` take what arrives, `next_step` then gives the steps that this
+releases, one after the other.
 """
 
-from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
+from enum import IntEnum
 from math import isfinite, nan
-from statistics import median
 
+import numpy as np
+from numpy.typing import NDArray
+
+from lfd_mpc.compiled import entry, inner, make_state
 from lfd_mpc.settings import STEP_NS
 
 SILENCE_NS = 50_000_000
@@ -30,8 +37,11 @@ periods of the slowest input."""
 AHEAD_NS = 1_000_000_000
 """A stamp this far ahead of all other inputs is refused."""
 
-PERIOD_SAMPLES = 20
-"""A signal's period is the median over this many samples."""
+PERIODS = 19
+"""A signal's period is the median over so many, the last ones."""
+
+WAITING = 4096
+"""Samples of one input that may wait for their steps; more, within about a second, are refused."""
 
 RADAR, ACCELERATION, HOST_SPEED = "radar", "acceleration", "host_speed"
 INPUTS = (RADAR, ACCELERATION, HOST_SPEED)
@@ -41,6 +51,36 @@ LEAD_ACCELERATION = "lead_acceleration"
 releases steps nor takes part in deciding what time it is, and a lost one makes no gap."""
 
 UNKNOWN_TRACK = -1
+
+KNOWN_TEXTS = 1000
+"""Different texts of a sensor that are remembered."""
+
+
+class Input(IntEnum):
+    """Inputs as compiled functions know them."""
+
+    RADAR = 0
+    ACCELERATION = 1
+    HOST_SPEED = 2
+    LEAD_ACCELERATION = 3
+
+
+INPUT_NUMBERS = {
+    RADAR: Input.RADAR,
+    ACCELERATION: Input.ACCELERATION,
+    HOST_SPEED: Input.HOST_SPEED,
+    LEAD_ACCELERATION: Input.LEAD_ACCELERATION,
+}
+
+
+class Restart(IntEnum):
+    """Why a step restarts."""
+
+    NONE = 0
+    START = 1
+    TIME_WENT_BACK = 2
+    GAP = 3
+    NEW_LEAD = 4
 
 
 @dataclass(frozen=True)
@@ -80,6 +120,561 @@ def playing_order(sample: Sample) -> tuple[int, bool]:
     return sample.stamp, sample.input == ACCELERATION
 
 
+SAMPLE = np.dtype(
+    [
+        ("stamp", "i8"),
+        ("value", "f8"),
+        ("relative_velocity", "f8"),
+        ("track_id", "i8"),
+        ("sensor_flags", "i8"),
+        ("text", "i8"),
+        ("input", "i1"),
+        ("has_target", "?"),
+    ],
+    align=True,
+)
+"""Any sample as a record: `value` is a scan's clearance, or the value of the other inputs; `text`
+is the number of a sensor's text."""
+
+READING = np.dtype([("measured", "f8"), ("age", "f8"), ("stale", "?")], align=True)
+"""A signal at a step: newest sample `measured`, its `age` in s (both NaN = none), `stale`."""
+
+STEP_INPUTS = np.dtype(
+    [
+        ("step", "i8"),
+        ("stamp", "i8"),
+        ("restart", "i8"),
+        ("restart_values", "f8", (2,)),
+        ("restart_tracks", "i8", (2,)),
+        ("without_acceleration", "?"),
+        ("has_target", "?"),
+        ("track_id", "i8"),
+        ("sensor_flags", "i8"),
+        ("text", "i8"),
+        ("clearance", READING),
+        ("relative_velocity", READING),
+        ("acceleration", READING),
+        ("host_speed", READING),
+        ("lead_acceleration", READING),
+        ("clearance_now", "f8"),
+        ("late_samples", "i8"),
+        ("refused_samples", "i8"),
+        ("bad_samples", "i8"),
+    ],
+    align=True,
+)
+"""What one step has to work with: the fields of `StepInputs`."""
+
+_RHYTHM = np.dtype(
+    [
+        ("periods", "i8", (PERIODS,)),
+        ("count", "i8"),
+        ("next", "i8"),
+        ("last", "i8"),
+        ("started", "?"),
+    ],
+    align=True,
+)
+"""Stamp of the last sample of one signal and the periods between the last ones, in ns."""
+
+_SIGNAL = np.dtype(
+    [("rhythm", _RHYTHM), ("value", "f8"), ("stamp", "i8"), ("known", "?")], align=True
+)
+"""The newest value of one signal."""
+
+_QUEUE = np.dtype([("samples", SAMPLE, (WAITING,)), ("first", "i8"), ("count", "i8")], align=True)
+"""Samples that wait for their steps, in the order in which they came."""
+
+_EPOCH = np.dtype(
+    [
+        ("clearance", _SIGNAL),
+        ("relative_velocity", _SIGNAL),
+        ("acceleration", _SIGNAL),
+        ("host_speed", _SIGNAL),
+        ("lead_acceleration", _SIGNAL),
+        ("rhythms", _RHYTHM, (3,)),
+        ("queues", _QUEUE, (4,)),
+        ("last", "i8", (4,)),
+        ("heard", "i1", (4,)),
+        ("newest", "i8"),
+        ("started", "?"),
+        ("next_step", "i8"),
+        ("stepping", "?"),
+        ("has_target", "?"),
+        ("track_id", "i8"),
+        ("sensor_flags", "i8"),
+        ("text", "i8"),
+        ("known_track", "i8"),
+    ],
+    align=True,
+)
+"""Everything that a restart in time throws away."""
+
+SAMPLER = np.dtype(
+    [
+        ("epoch", _EPOCH),
+        ("step", "i8"),
+        ("restart", "i8"),
+        ("restart_values", "f8", (2,)),
+        ("late", "i8"),
+        ("refused", "i8"),
+        ("bad", "i8"),
+        # A sample whose stamp does not fit waits here for a second one that confirms it.
+        ("odd", SAMPLE),
+        ("is_odd", "?"),
+        # What a sample has set off and `next_step` carries out.
+        ("releasing", "?"),
+        ("limit", "i8"),
+        ("released_by", "i8"),
+        ("held", SAMPLE, (2,)),
+        ("held_count", "i8"),
+        ("held_fits", "?"),
+        ("current", SAMPLE),
+        ("restarting", "?"),
+        ("gap_values", "f8", (2,)),
+    ],
+    align=True,
+)
+"""State of a sampler."""
+
+NOBODY = np.iinfo(np.int64).min
+"""Stands for no acceleration sample where one releases steps."""
+
+
+@inner
+def _note_rhythm(rhythm, stamp):
+    if rhythm.started:
+        rhythm.periods[rhythm.next] = stamp - rhythm.last
+        rhythm.next = (rhythm.next + 1) % PERIODS
+        rhythm.count = min(rhythm.count + 1, PERIODS)
+    rhythm.last = stamp
+    rhythm.started = True
+
+
+@inner
+def _period(rhythm):
+    """Median period in ns, 0 while none is known."""
+    n = rhythm.count
+    if not n:
+        return 0.0
+    ordered = np.sort(rhythm.periods[:n])
+    if n % 2:
+        return float(ordered[n // 2])
+    return (ordered[n // 2 - 1] + ordered[n // 2]) / 2
+
+
+@inner
+def _note_signal(signal, stamp, value):
+    _note_rhythm(signal.rhythm, stamp)
+    signal.stamp, signal.value, signal.known = stamp, value, True
+
+
+@inner
+def _forget_signal(signal):
+    signal.known = False
+
+
+@inner
+def _read_signal(signal, stamp, reading):
+    if not signal.known:
+        reading.measured = reading.age = np.nan
+        reading.stale = True
+        return
+    age = stamp - signal.stamp
+    reading.measured, reading.age = signal.value, age * 1e-9
+    # The period is asked for only where it matters: a median takes its time.
+    reading.stale = age > STALE_NS and age > STALE_PERIODS * _period(signal.rhythm)
+
+
+@inner
+def _start_epoch(epoch):
+    """Forget everything that a restart in time throws away."""
+    for signal in (
+        epoch.clearance,
+        epoch.relative_velocity,
+        epoch.acceleration,
+        epoch.host_speed,
+        epoch.lead_acceleration,
+    ):
+        signal.known = signal.rhythm.started = False
+        signal.rhythm.count = signal.rhythm.next = 0
+    for i in range(3):
+        epoch.rhythms[i].started = False
+        epoch.rhythms[i].count = epoch.rhythms[i].next = 0
+    for i in range(4):
+        epoch.queues[i].first = epoch.queues[i].count = 0
+        epoch.heard[i] = 0
+    epoch.started = epoch.stepping = epoch.has_target = False
+    epoch.track_id = epoch.known_track = UNKNOWN_TRACK
+    epoch.sensor_flags = epoch.text = 0
+
+
+@inner
+def _max_gap(epoch):
+    slowest = 0.0
+    for i in range(3):
+        slowest = max(slowest, _period(epoch.rhythms[i]))
+    return max(float(MAX_GAP_NS), MAX_GAP_PERIODS * slowest)
+
+
+@entry
+def start_sampler(samplers):
+    """Begin with nothing."""
+    sampler = samplers[0]
+    _start_epoch(sampler.epoch)
+    sampler.restart = Restart.START
+    sampler.step = sampler.late = sampler.refused = sampler.bad = sampler.held_count = 0
+    sampler.is_odd = sampler.releasing = sampler.restarting = sampler.held_fits = False
+
+
+@inner
+def _enqueue(sampler, sample):
+    queue = sampler.epoch.queues[sample.input]
+    if queue.count == WAITING:
+        sampler.refused += 1
+        return
+    queue.samples[(queue.first + queue.count) % WAITING] = sample
+    queue.count += 1
+
+
+@inner
+def _release(sampler, limit, released_by):
+    """Let `next_step` make the steps up to `limit`."""
+    sampler.releasing, sampler.limit, sampler.released_by = True, limit, released_by
+
+
+@inner
+def _accept(sampler, sample):
+    epoch, stamp = sampler.epoch, sample.stamp
+    epoch.last[sample.input] = stamp
+    epoch.heard[sample.input] = 1
+    _note_rhythm(epoch.rhythms[sample.input], stamp)
+    epoch.newest = max(epoch.newest, stamp) if epoch.started else stamp
+    epoch.started = True
+    _enqueue(sampler, sample)
+    if epoch.stepping and stamp <= epoch.next_step - STEP_NS:
+        sampler.late += 1
+    if sample.input == Input.ACCELERATION:
+        _release(sampler, stamp, stamp)
+    else:
+        _release(sampler, stamp - SILENCE_NS, NOBODY)
+
+
+@inner
+def _overhear(sampler, sample):
+    """Take what the lead says, where it fits in with what is measured here."""
+    epoch, stamp = sampler.epoch, sample.stamp
+    if (
+        not epoch.started
+        or abs(stamp - epoch.newest) > AHEAD_NS
+        or (epoch.heard[sample.input] and stamp <= epoch.last[sample.input])
+    ):
+        sampler.refused += 1
+        return
+    epoch.last[sample.input] = stamp
+    epoch.heard[sample.input] = 1
+    _enqueue(sampler, sample)
+
+
+@inner
+def _continue(sampler, sample):
+    """Take a sample that fits; across a gap of all inputs that means to start anew."""
+    epoch = sampler.epoch
+    newest, stamp = epoch.newest, sample.stamp
+    if stamp > newest + MAX_GAP_NS:
+        max_gap = _max_gap(epoch)
+        if stamp > newest + max_gap:
+            _release(sampler, newest, NOBODY)
+            sampler.restarting = True
+            sampler.gap_values[0] = (stamp - newest) * 1e-9
+            sampler.gap_values[1] = max_gap * 1e-9
+            # It comes before what may be held already.
+            if sampler.held_count:
+                sampler.held[1] = sampler.held[0]
+            sampler.held[0] = sample
+            sampler.held_count += 1
+            return
+    _accept(sampler, sample)
+
+
+@inner
+def _drop_odd(sampler):
+    """Refuse the sample that nothing confirmed."""
+    sampler.refused += sampler.is_odd
+    sampler.is_odd = False
+
+
+@inner
+def _jump(sampler, sample):
+    """A stamp that went backwards, or far ahead: believed if a second sample agrees."""
+    newest, stamp, odd = sampler.epoch.newest, sample.stamp, sampler.odd
+    ahead = stamp > newest
+    confirmed = False
+    if sampler.is_odd and (odd.stamp > newest) == ahead:
+        close = abs(stamp - odd.stamp) <= AHEAD_NS
+        if odd.input != sample.input:
+            confirmed = close
+        elif ahead:
+            # A lone input may have skipped: it is believed once nothing contradicts it for long.
+            if close and stamp > odd.stamp:
+                sampler.refused += 1
+                return
+            confirmed = AHEAD_NS < stamp - odd.stamp <= 2 * AHEAD_NS
+        else:
+            confirmed = close and stamp > odd.stamp
+    if not confirmed:
+        _drop_odd(sampler)
+        sampler.odd, sampler.is_odd = sample, True
+        return
+    sampler.is_odd = False
+    sampler.held[0], sampler.held_count = sample, 1
+    if ahead:
+        # With one input alone its second sample is ahead of the first by a second.
+        _continue(sampler, odd)
+        return
+    sampler.held_fits = True
+    sampler.restart = Restart.TIME_WENT_BACK
+    sampler.restart_values[0] = (newest - odd.stamp) * 1e-9
+    _start_epoch(sampler.epoch)
+    _accept(sampler, odd)
+
+
+@inner
+def push_sample(sampler, sample):
+    """Take one sample; `next_step` gives the steps that it releases.
+
+    Samples that do not fit are counted, never raised. Two that agree on a jump of time make
+    a restart; a single one is taken for a wrong stamp.
+    """
+    epoch, stamp = sampler.epoch, sample.stamp
+    if sample.input == Input.LEAD_ACCELERATION:
+        _overhear(sampler, sample)
+        return
+    if not epoch.started:
+        _accept(sampler, sample)
+        return
+    backward = False
+    if epoch.heard[sample.input]:
+        previous = epoch.last[sample.input]
+        backward, useless = stamp < previous, stamp == previous
+    else:
+        useless = stamp < epoch.newest - AHEAD_NS
+    if useless:
+        sampler.refused += 1
+    elif backward or stamp > epoch.newest + AHEAD_NS:
+        _jump(sampler, sample)
+    else:
+        if sampler.is_odd and (
+            sampler.odd.stamp > epoch.newest or sampler.odd.input == sample.input
+        ):
+            _drop_odd(sampler)
+        _continue(sampler, sample)
+
+
+@entry
+def take_sample(samplers, samples):
+    """`push_sample` for callers from outside."""
+    push_sample(samplers[0], samples[0])
+
+
+@entry
+def take_clock(samplers, stamp):
+    """The clock has reached `stamp`: release what a silent accelerometer holds back.
+
+    Steps after the newest input wait for the next one, since nobody can tell yet whether the
+    gap that they lie in is too long for steps.
+    """
+    epoch = samplers[0].epoch
+    if epoch.started and stamp <= epoch.newest + AHEAD_NS:
+        _release(samplers[0], min(stamp - SILENCE_NS, epoch.newest), NOBODY)
+
+
+@inner
+def next_step(sampler, inputs):
+    """Make the next step that is released into `inputs`; false when there is none."""
+    epoch = sampler.epoch
+    while True:
+        if sampler.releasing:
+            if _has_step(epoch) and epoch.next_step <= sampler.limit:
+                by = sampler.released_by
+                in_time = by != NOBODY and by < epoch.next_step + SILENCE_NS
+                _make_step(sampler, epoch.next_step, not in_time, inputs)
+                epoch.next_step += STEP_NS
+                epoch.stepping = True
+                return True
+            sampler.releasing = False
+        if not sampler.held_count:
+            return False
+        # A copy: what it sets off may hold it anew.
+        sampler.current = sampler.held[0]
+        sampler.held[0] = sampler.held[1]
+        sampler.held_count -= 1
+        if sampler.restarting:
+            sampler.restarting, sampler.restart = False, Restart.GAP
+            sampler.restart_values[0] = sampler.gap_values[0]
+            sampler.restart_values[1] = sampler.gap_values[1]
+            _start_epoch(epoch)
+            _accept(sampler, sampler.current)
+        elif sampler.held_fits:
+            sampler.held_fits = False
+            _accept(sampler, sampler.current)
+        else:
+            _continue(sampler, sampler.current)
+
+
+@inner
+def _has_step(epoch):
+    """Whether it is known when the next step is; the first one follows the oldest sample."""
+    if epoch.stepping:
+        return True
+    oldest, found = 0, False
+    for i in range(3):
+        queue = epoch.queues[i]
+        if queue.count:
+            stamp = queue.samples[queue.first].stamp
+            oldest = min(oldest, stamp) if found else stamp
+            found = True
+    if found:
+        epoch.next_step = -(-oldest // STEP_NS) * STEP_NS
+    return found
+
+
+@inner
+def _make_step(sampler, stamp, without_acceleration, inputs):
+    epoch = sampler.epoch
+    inputs.restart = sampler.restart
+    inputs.restart_values[0], inputs.restart_values[1] = (
+        sampler.restart_values[0],
+        sampler.restart_values[1],
+    )
+    sampler.restart = Restart.NONE
+    for i in range(4):
+        queue = epoch.queues[i]
+        while queue.count and queue.samples[queue.first].stamp <= stamp:
+            sample = queue.samples[queue.first]
+            queue.first = (queue.first + 1) % WAITING
+            queue.count -= 1
+            if i == Input.RADAR:
+                _take_scan(sampler, sample, inputs)
+            elif not isfinite(sample.value):
+                sampler.bad += 1
+            elif i == Input.ACCELERATION:
+                _note_signal(epoch.acceleration, sample.stamp, sample.value)
+            elif i == Input.HOST_SPEED:
+                _note_signal(epoch.host_speed, sample.stamp, sample.value)
+            else:
+                _note_signal(epoch.lead_acceleration, sample.stamp, sample.value)
+    sampler.step += 1
+    inputs.step, inputs.stamp = sampler.step, stamp
+    inputs.without_acceleration = without_acceleration
+    inputs.has_target, inputs.track_id = epoch.has_target, epoch.track_id
+    inputs.sensor_flags, inputs.text = epoch.sensor_flags, epoch.text
+    _read_signal(epoch.clearance, stamp, inputs.clearance)
+    _read_signal(epoch.relative_velocity, stamp, inputs.relative_velocity)
+    _read_signal(epoch.acceleration, stamp, inputs.acceleration)
+    _read_signal(epoch.host_speed, stamp, inputs.host_speed)
+    _read_signal(epoch.lead_acceleration, stamp, inputs.lead_acceleration)
+    # Between scans the clearance is carried forward with the relative velocity.
+    clearance, velocity = inputs.clearance, inputs.relative_velocity
+    inputs.clearance_now = clearance.measured + velocity.measured * clearance.age
+    inputs.late_samples, inputs.refused_samples = sampler.late, sampler.refused
+    inputs.bad_samples = sampler.bad
+
+
+@inner
+def _take_scan(sampler, sample, inputs):
+    """Take one scan; a new lead restarts the step."""
+    epoch = sampler.epoch
+    epoch.has_target, epoch.track_id = sample.has_target, sample.track_id
+    epoch.sensor_flags, epoch.text = sample.sensor_flags, sample.text
+    if sample.track_id != UNKNOWN_TRACK and sample.has_target:
+        if epoch.known_track != UNKNOWN_TRACK and epoch.known_track != sample.track_id:
+            inputs.restart = Restart.NEW_LEAD
+            inputs.restart_tracks[0] = epoch.known_track
+            inputs.restart_tracks[1] = sample.track_id
+            _forget_signal(epoch.clearance)
+            _forget_signal(epoch.relative_velocity)
+        epoch.known_track = sample.track_id
+    if not sample.has_target:
+        _note_signal(epoch.clearance, sample.stamp, np.nan)
+        _note_signal(epoch.relative_velocity, sample.stamp, np.nan)
+        return
+    if isfinite(sample.value):
+        _note_signal(epoch.clearance, sample.stamp, sample.value)
+    else:
+        sampler.bad += 1
+    if isfinite(sample.relative_velocity):
+        _note_signal(epoch.relative_velocity, sample.stamp, sample.relative_velocity)
+    else:
+        sampler.bad += 1
+
+
+@entry
+def next_inputs(samplers, inputs):
+    """`next_step` for callers from outside."""
+    return next_step(samplers[0], inputs[0])
+
+
+def restart_reason(inputs: np.void) -> str:
+    """Why a step (a record of `STEP_INPUTS`) restarts, in words; empty where it does not."""
+    if not inputs["restart"]:
+        return ""
+    first, second = inputs["restart_values"]
+    before, after = inputs["restart_tracks"]
+    return {
+        Restart.START: "start",
+        Restart.TIME_WENT_BACK: f"time went back by {first:.3f} s",
+        Restart.GAP: f"no input for {first:.3f} s (limit {second:.3f} s)",
+        Restart.NEW_LEAD: f"new lead: track {before} became {after}",
+    }[int(inputs["restart"])]
+
+
+class SensorTexts:
+    """Numbers for what sensors say of themselves; 0 is silence."""
+
+    def __init__(self) -> None:
+        self._numbers = {"": 0}
+        self._texts = {0: ""}
+        self._next = 1
+
+    def number(self, text: str) -> int:
+        """The number of a text; the oldest one is forgotten where there are too many."""
+        known = self._numbers.get(text)
+        if known is not None:
+            return known
+        if len(self._numbers) >= KNOWN_TEXTS:
+            oldest = next(t for t in self._numbers if t)
+            del self._texts[self._numbers.pop(oldest)]
+        number, self._next = self._next, self._next + 1
+        self._numbers[text], self._texts[number] = number, text
+        return number
+
+    def text(self, number: int) -> str:
+        """The text of a number; empty for one that is forgotten."""
+        return self._texts.get(number, "")
+
+
+def sample_fields(sample: Sample, texts: SensorTexts) -> tuple:
+    """A sample as the fields of `SAMPLE`."""
+    if isinstance(sample, RadarSample):
+        return (
+            sample.stamp,
+            sample.clearance,
+            sample.relative_velocity,
+            sample.track_id,
+            sample.sensor_flags,
+            texts.number(sample.sensor_text) if sample.sensor_text else 0,
+            0,
+            sample.has_target,
+        )
+    return sample.stamp, sample.value, nan, UNKNOWN_TRACK, 0, 0, INPUT_NUMBERS[sample.input], False
+
+
+def sample_array(samples: Iterable[Sample], texts: SensorTexts) -> NDArray[np.void]:
+    """Samples as an array (n,) of `SAMPLE`."""
+    return np.array([sample_fields(sample, texts) for sample in samples], dtype=SAMPLE)
+
+
 @dataclass(frozen=True)
 class Reading:
     """A signal at a step: newest sample `measured`, its `age` in s (both NaN = none), `stale`."""
@@ -112,279 +707,40 @@ class StepInputs:
     bad_samples: int
 
 
-class _Rhythm:
-    """Stamps of the last samples of one signal and the median period between them, in ns."""
-
-    def __init__(self) -> None:
-        self._periods: deque[int] = deque(maxlen=PERIOD_SAMPLES - 1)
-        self._last: int | None = None
-
-    def note(self, stamp: int) -> None:
-        if self._last is not None:
-            self._periods.append(stamp - self._last)
-        self._last = stamp
-
-    @property
-    def period(self) -> float:
-        return median(self._periods) if self._periods else 0.0
-
-
-class _Signal:
-    """The newest value of one signal."""
-
-    def __init__(self) -> None:
-        self._rhythm = _Rhythm()
-        self._value = nan
-        self._stamp: int | None = None
-
-    def note(self, stamp: int, value: float) -> None:
-        self._rhythm.note(stamp)
-        self._stamp, self._value = stamp, value
-
-    def forget(self) -> None:
-        self._value, self._stamp = nan, None
-
-    def at(self, stamp: int) -> Reading:
-        if self._stamp is None:
-            return Reading(nan, nan, True)
-        age = stamp - self._stamp
-        # The period is asked for only where it matters: a median takes its time.
-        stale = age > STALE_NS and age > STALE_PERIODS * self._rhythm.period
-        return Reading(self._value, age * 1e-9, stale)
-
-
-class _Epoch:
-    """Everything that a restart in time throws away."""
-
-    def __init__(self) -> None:
-        self.signals = {
-            name: _Signal()
-            for name in (
-                "clearance",
-                "relative_velocity",
-                ACCELERATION,
-                HOST_SPEED,
-                LEAD_ACCELERATION,
-            )
-        }
-        self.rhythms = {name: _Rhythm() for name in INPUTS}
-        self.pending: dict[str, deque[Sample]] = {
-            name: deque() for name in (*INPUTS, LEAD_ACCELERATION)
-        }
-        self.last: dict[str, int] = {}
-        self.newest: int | None = None
-        self.next_step: int | None = None
-        self.has_target = False
-        self.track_id = UNKNOWN_TRACK
-        self.sensor_flags, self.sensor_text = 0, ""
-        self.known_track = UNKNOWN_TRACK
-
-    def max_gap(self) -> float:
-        slowest = max(rhythm.period for rhythm in self.rhythms.values())
-        return max(MAX_GAP_NS, MAX_GAP_PERIODS * slowest)
-
-
 class Sampler:
     """Turns samples, in the order they arrive, into steps."""
 
     def __init__(self) -> None:
-        self._epoch = _Epoch()
-        self._step = 0
-        self._restart_reason = "start"
-        self._late = 0
-        self._refused = 0
-        self._bad = 0
-        # A sample whose stamp does not fit waits here for a second one that confirms it.
-        self._odd: Sample | None = None
+        self.texts = SensorTexts()
+        self.state = make_state(SAMPLER)
+        start_sampler(self.state)
+        self._sample = make_state(SAMPLE)
+        self._inputs = make_state(STEP_INPUTS)
+
+    def take(self, sample: Sample) -> None:
+        """Take one sample, for `next_step` to give the steps that it releases."""
+        self._sample[0] = sample_fields(sample, self.texts)
+        take_sample(self.state, self._sample)
 
     def push(self, sample: Sample) -> list[StepInputs]:
-        """Take one sample and return the steps that it releases, oldest first.
-
-        Samples that do not fit are counted, never raised. Two that agree on a jump of time make
-        a restart; a single one is taken for a wrong stamp.
-        """
-        epoch = self._epoch
-        if sample.input == LEAD_ACCELERATION:
-            self._overhear(sample)
-            return []
-        if epoch.newest is None:
-            return self._accept(sample)
-        previous = epoch.last.get(sample.input)
-        if previous is None:
-            backward, useless = False, sample.stamp < epoch.newest - AHEAD_NS
-        else:
-            backward, useless = sample.stamp < previous, sample.stamp == previous
-        if useless:
-            self._refused += 1
-            return []
-        if backward or sample.stamp > epoch.newest + AHEAD_NS:
-            return self._jump(sample, epoch.newest)
-        odd = self._odd
-        if odd is not None and (odd.stamp > epoch.newest or odd.input == sample.input):
-            self._drop_odd()
-        return self._continue(sample, epoch.newest)
-
-    def _overhear(self, sample: Sample) -> None:
-        """Take what the lead says, where it fits in with what is measured here."""
-        epoch = self._epoch
-        newest, previous = epoch.newest, epoch.last.get(LEAD_ACCELERATION)
-        if (
-            newest is None
-            or abs(sample.stamp - newest) > AHEAD_NS
-            or (previous is not None and sample.stamp <= previous)
-        ):
-            self._refused += 1
-            return
-        epoch.last[LEAD_ACCELERATION] = sample.stamp
-        epoch.pending[LEAD_ACCELERATION].append(sample)
+        """Take one sample and return the steps that it releases, oldest first."""
+        self.take(sample)
+        return self._steps()
 
     def clock(self, stamp: int) -> list[StepInputs]:
-        """The clock has reached `stamp`: release what a silent accelerometer holds back.
+        """The clock has reached `stamp` (ns): returns the steps that this releases."""
+        take_clock(self.state, stamp)
+        return self._steps()
 
-        Steps after the newest input wait for the next one, since nobody can tell yet whether the
-        gap that they lie in is too long for steps.
-        """
-        newest = self._epoch.newest
-        if newest is None or stamp > newest + AHEAD_NS:
-            return []
-        return self._release(min(stamp - SILENCE_NS, newest), None)
-
-    def _jump(self, sample: Sample, newest: int) -> list[StepInputs]:
-        """A stamp that went backwards, or far ahead: believed if a second sample agrees."""
-        odd = self._odd
-        ahead = sample.stamp > newest
-        if odd is None or (odd.stamp > newest) != ahead:
-            self._drop_odd(sample)
-            return []
-        close = abs(sample.stamp - odd.stamp) <= AHEAD_NS
-        if odd.input != sample.input:
-            confirmed = close
-        elif ahead:
-            # A lone input may have skipped: it is believed once nothing contradicts it for long.
-            if close and sample.stamp > odd.stamp:
-                self._refused += 1
-                return []
-            confirmed = AHEAD_NS < sample.stamp - odd.stamp <= 2 * AHEAD_NS
-        else:
-            confirmed = close and sample.stamp > odd.stamp
-        if not confirmed:
-            self._drop_odd(sample)
-            return []
-        self._odd = None
-        if ahead:
-            steps = self._continue(odd, newest)
-            # With one input alone its second sample is ahead of the first by a second.
-            return steps + self._continue(sample, odd.stamp)
-        reason = f"time went back by {(newest - odd.stamp) * 1e-9:.3f} s"
-        return self._restart(odd, reason) + self._accept(sample)
-
-    def _drop_odd(self, successor: Sample | None = None) -> None:
-        """Refuse the sample that nothing confirmed."""
-        self._refused += self._odd is not None
-        self._odd = successor
-
-    def _continue(self, sample: Sample, newest: int) -> list[StepInputs]:
-        """Take a sample that fits; across a gap of all inputs that means to start anew."""
-        if sample.stamp <= newest + MAX_GAP_NS:
-            return self._accept(sample)
-        max_gap = self._epoch.max_gap()
-        if sample.stamp <= newest + max_gap:
-            return self._accept(sample)
-        steps = self._release(newest, None)
-        gap, limit = (sample.stamp - newest) * 1e-9, max_gap * 1e-9
-        return steps + self._restart(sample, f"no input for {gap:.3f} s (limit {limit:.3f} s)")
-
-    def _restart(self, sample: Sample, reason: str) -> list[StepInputs]:
-        self._epoch = _Epoch()
-        self._restart_reason = reason
-        return self._accept(sample)
-
-    def _accept(self, sample: Sample) -> list[StepInputs]:
-        epoch = self._epoch
-        epoch.last[sample.input] = sample.stamp
-        epoch.rhythms[sample.input].note(sample.stamp)
-        epoch.newest = sample.stamp if epoch.newest is None else max(epoch.newest, sample.stamp)
-        epoch.pending[sample.input].append(sample)
-        if epoch.next_step is not None and sample.stamp <= epoch.next_step - STEP_NS:
-            self._late += 1
-        if sample.input == ACCELERATION:
-            return self._release(sample.stamp, sample.stamp)
-        return self._release(sample.stamp - SILENCE_NS, None)
-
-    def _release(self, limit: int, acceleration_stamp: int | None) -> list[StepInputs]:
-        """Steps up to `limit`, released by an acceleration sample or (None) for want of one."""
-        epoch = self._epoch
-        stamp = epoch.next_step
-        if stamp is None:
-            oldest = min(
-                (queue[0].stamp for name in INPUTS if (queue := epoch.pending[name])), default=None
-            )
-            if oldest is None:
-                return []
-            stamp = -(-oldest // STEP_NS) * STEP_NS
+    def _steps(self) -> list[StepInputs]:
         steps = []
-        while stamp <= limit:
-            in_time = acceleration_stamp is not None and acceleration_stamp < stamp + SILENCE_NS
-            steps.append(self._make_step(stamp, not in_time))
-            stamp += STEP_NS
-            epoch.next_step = stamp
+        while next_inputs(self.state, self._inputs):
+            values = dict(zip(STEP_INPUTS.names or (), self._inputs[0].item(), strict=True))
+            values["restart_reason"] = restart_reason(self._inputs[0])
+            values["sensor_text"] = self.texts.text(values["text"])
+            for name in ("restart", "restart_values", "restart_tracks", "text"):
+                del values[name]
+            for name in (*INPUTS[1:], "clearance", "relative_velocity", LEAD_ACCELERATION):
+                values[name] = Reading(*values[name])
+            steps.append(StepInputs(**values))
         return steps
-
-    def _make_step(self, stamp: int, without_acceleration: bool) -> StepInputs:
-        epoch = self._epoch
-        reason, self._restart_reason = self._restart_reason, ""
-        for queue in epoch.pending.values():
-            while queue and queue[0].stamp <= stamp:
-                sample = queue.popleft()
-                if isinstance(sample, RadarSample):
-                    reason = self._take_radar(sample) or reason
-                elif isfinite(sample.value):
-                    epoch.signals[sample.input].note(sample.stamp, sample.value)
-                else:
-                    self._bad += 1
-        self._step += 1
-        clearance = epoch.signals["clearance"].at(stamp)
-        velocity = epoch.signals["relative_velocity"].at(stamp)
-        return StepInputs(
-            step=self._step,
-            stamp=stamp,
-            restart_reason=reason,
-            without_acceleration=without_acceleration,
-            has_target=epoch.has_target,
-            track_id=epoch.track_id,
-            sensor_flags=epoch.sensor_flags,
-            sensor_text=epoch.sensor_text,
-            clearance=clearance,
-            relative_velocity=velocity,
-            acceleration=epoch.signals[ACCELERATION].at(stamp),
-            host_speed=epoch.signals[HOST_SPEED].at(stamp),
-            lead_acceleration=epoch.signals[LEAD_ACCELERATION].at(stamp),
-            # Between scans the clearance is carried forward with the relative velocity.
-            clearance_now=clearance.measured + velocity.measured * clearance.age,
-            late_samples=self._late,
-            refused_samples=self._refused,
-            bad_samples=self._bad,
-        )
-
-    def _take_radar(self, sample: RadarSample) -> str:
-        """Take one scan; returns the reason of a restart, or nothing."""
-        epoch = self._epoch
-        clearance, velocity = epoch.signals["clearance"], epoch.signals["relative_velocity"]
-        epoch.has_target = sample.has_target
-        epoch.track_id = sample.track_id
-        epoch.sensor_flags, epoch.sensor_text = sample.sensor_flags, sample.sensor_text
-        reason = ""
-        if sample.track_id != UNKNOWN_TRACK and sample.has_target:
-            if epoch.known_track not in (UNKNOWN_TRACK, sample.track_id):
-                reason = f"new lead: track {epoch.known_track} became {sample.track_id}"
-                clearance.forget()
-                velocity.forget()
-            epoch.known_track = sample.track_id
-        for signal, value in ((clearance, sample.clearance), (velocity, sample.relative_velocity)):
-            if not sample.has_target:
-                signal.note(sample.stamp, nan)
-            elif isfinite(value):
-                signal.note(sample.stamp, value)
-            else:
-                self._bad += 1
-        return reason

@@ -6,6 +6,8 @@ files of `lfd_bringup`, so that a parameter is described in one place.
 
 from typing import Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 STEP_NS = 10_000_000
@@ -38,6 +40,20 @@ def settings_error(error: ValidationError) -> str:
     where = ".".join(str(part) for part in first["loc"])
     given = f", got {first['input']!r}" if where else ""
     return f"parameter {where}: {first['msg']}{given}" if where else first["msg"]
+
+
+def settings_record(settings: Settings) -> NDArray[np.void]:
+    """The numbers and switches of settings by their names, as an array of one record."""
+    kinds = {bool: "?", int: "i8", float: "f8"}
+    values = {name: getattr(settings, name) for name in type(settings).model_fields}
+    fields = [
+        (name, kinds[field.annotation])
+        for name, field in type(settings).model_fields.items()
+        if field.annotation in kinds
+    ]
+    record = np.zeros(1, np.dtype(fields, align=True))
+    record[0] = tuple(values[name] for name, _ in fields)
+    return record
 
 
 class HorizonSettings(Settings):
@@ -101,9 +117,9 @@ class MpcSettings(HorizonSettings):
         le=20.0,
     )
     solver: str = setting(
-        "proxqp",
+        "active_set",
         "1",
-        "solver of steps where a limit is active: proxqp, or any solver name of qpsolvers",
+        "solver of steps where a limit is active: active_set, proxqp, or any name of qpsolvers",
         "own choice",
     )
     prediction: Literal["mpc", "linear"] = setting(

@@ -1,13 +1,86 @@
 """Stacked predictions: what earlier solutions said about now (Fig 10)."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from lfd_mpc.horizon import Horizon
+from lfd_mpc.compiled import entry, inner, make_state
 
-Array = NDArray[np.float64]
+STORE = np.dtype(
+    [
+        ("newest", "i8"),
+        ("count", "i8"),
+        ("last_step", "i8"),
+        ("followed", "?"),
+        ("complete", "?"),
+        ("anew", "?"),
+    ],
+    align=True,
+)
+"""Keeps solutions in step with the horizons of one controller; the solutions themselves are an
+array (N, N, 2) beside it.
+
+After `follow`: `complete`, whether every lead time has a prediction for the present step; `anew`,
+whether nothing from before this step counts.
+"""
+
+
+@inner
+def predicted_now(store, solutions, ago, column):
+    """What the solution of `ago` steps ago (1..N) said about the step that is about to be stored.
+
+    `column` 0 in m, 1 in m/s; NaN where there is none yet.
+    """
+    if ago > store.count:
+        return np.nan
+    n = len(solutions)
+    return solutions[(store.newest - (ago - 1)) % n, ago - 1, column]
+
+
+@inner
+def clear_store(store):
+    """Forget every solution."""
+    store.count = 0
+
+
+@inner
+def push_solution(store, solutions, states):
+    """Store the solution (N, 2) of the present step."""
+    n = len(solutions)
+    store.newest = (store.newest + 1) % n
+    solutions[store.newest] = states
+    store.count = min(store.count + 1, n)
+
+
+@inner
+def follow(store, solutions, horizon):
+    """Take note of a horizon, before its own solution is stored by `push_solution`.
+
+    The one place that decides when stored predictions are worth nothing: at a restart, at a step
+    without a solution, and where a horizon was lost on the way.
+    """
+    lost = store.followed and horizon.step != store.last_step + 1
+    store.last_step, store.followed = horizon.step, True
+    store.anew = lost or horizon.restart or not horizon.valid
+    if store.anew:
+        clear_store(store)
+    store.complete = store.count == len(solutions)
+
+
+@entry
+def _for_now(stores, solutions, rows):
+    for i in range(len(rows)):
+        rows[i, 0] = predicted_now(stores[0], solutions, i + 1, 0)
+        rows[i, 1] = predicted_now(stores[0], solutions, i + 1, 1)
+
+
+@entry
+def _push(store, solutions, states):
+    push_solution(store[0], solutions, states)
+
+
+@entry
+def _follow(store, solutions, horizon):
+    follow(store[0], solutions, horizon[0])
 
 
 class PredictionStore:
@@ -15,87 +88,45 @@ class PredictionStore:
 
     def __init__(self, steps: int) -> None:
         """`steps` is N."""
-        self._steps = steps
-        self._states = np.full((steps, steps, 2), np.nan)
-        ago = np.arange(steps)
-        # For each place of the newest solution: where the one of 1..N steps ago speaks of now.
-        self._diagonals = [((newest - ago) % steps) * steps + ago for newest in range(steps)]
-        self._newest = 0
-        self._count = 0
-
-    @property
-    def steps(self) -> int:
-        """N: how many solutions are kept, and how many steps each one looks ahead."""
-        return self._steps
+        self.state = make_state(STORE)
+        self.solutions = np.full((steps, steps, 2), np.nan)
 
     @property
     def count(self) -> int:
         """How many solutions are stored, at most N."""
-        return self._count
+        return int(self.state["count"][0])
 
     @property
     def full(self) -> bool:
         """Whether every lead time has a prediction for the present step."""
-        return self._count == self.steps
+        return self.count == len(self.solutions)
 
     def clear(self) -> None:
         """Forget every solution."""
-        self._states.fill(np.nan)
-        self._count = 0
+        self.state["count"] = 0
 
-    def for_now(self) -> Array:
+    def for_now(self) -> NDArray[np.float64]:
         """Predictions (N, 2) in m and m/s for the step that is about to be stored.
 
         Row i-1 is what the solution of i steps ago said; NaN where there is none yet.
         """
-        return self._states.reshape(-1, 2).take(self._diagonals[self._newest], axis=0)
+        rows = np.empty((len(self.solutions), 2))
+        _for_now(self.state, self.solutions, rows)
+        return rows
 
-    def push(self, states: Array) -> None:
+    def push(self, states: NDArray[np.float64]) -> None:
         """Store the solution (N, 2) of the present step. Raises ValueError for another shape."""
-        if states.shape != (self.steps, 2):
-            raise ValueError(
-                f"a horizon of {self.steps} steps is expected, got an array of shape {states.shape}"
-            )
-        self._newest = (self._newest + 1) % self.steps
-        self._states[self._newest] = states
-        self._count = min(self._count + 1, self.steps)
+        check_shape(states, len(self.solutions))
+        _push(self.state, self.solutions, np.ascontiguousarray(states))
+
+    def follow(self, horizon: NDArray[np.void]) -> None:
+        """Take note of a horizon (an array of one record), before its own solution is stored."""
+        _follow(self.state, self.solutions, horizon)
 
 
-@dataclass(frozen=True)
-class Predicted:
-    """What earlier solutions said about the present step.
-
-    `states` (N, 2) in m and m/s, row i-1 from i steps ago, NaN where unknown; `complete` where all
-    are known; `anew` where nothing from before this step counts.
-    """
-
-    states: Array
-    complete: bool
-    anew: bool
-
-
-class HorizonFollower:
-    """Keeps the store in step with the horizons of one controller.
-
-    The one place that decides when stored predictions are worth nothing: at a restart, at a step
-    without a solution, and where a horizon was lost on the way.
-    """
-
-    def __init__(self, prediction_steps: int) -> None:
-        self._store = PredictionStore(prediction_steps)
-        self._last_step: int | None = None
-
-    def take(self, horizon: Horizon) -> Predicted:
-        """Take one horizon; returns what was known about it beforehand, then stores it.
-
-        Raises ValueError when the horizon has another length than the store.
-        """
-        lost = self._last_step is not None and horizon.step != self._last_step + 1
-        self._last_step = horizon.step
-        anew = lost or horizon.restart or not horizon.valid
-        if anew:
-            self._store.clear()
-        predicted = Predicted(self._store.for_now(), self._store.full, anew)
-        if horizon.valid:
-            self._store.push(horizon.states)
-        return predicted
+def check_shape(states: NDArray[np.float64], steps: int) -> None:
+    """Raises ValueError unless a solution has shape (`steps`, 2)."""
+    if states.shape != (steps, 2):
+        raise ValueError(
+            f"a horizon of {steps} steps is expected, got an array of shape {states.shape}"
+        )

@@ -1,4 +1,4 @@
-"""Sliding mode observers of the relative acceleration (eqs 11 to 21), vectorised."""
+"""Sliding mode observers of the relative acceleration (eqs 11 to 21)."""
 
 from dataclasses import dataclass
 from math import isfinite
@@ -6,6 +6,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from lfd_mpc.compiled import entry, inner
 from lfd_mpc.settings import STEP_S
 
 Array = NDArray[np.float64]
@@ -49,6 +50,81 @@ def reachability_margin(gain: float, relative_acceleration: float, sliding_error
     return gain - abs(relative_acceleration) - abs(design().transformed_A[1, 0] * sliding_error)
 
 
+OBSERVERS = np.dtype(
+    [("gain", "f8"), ("blend", "f8"), ("boundary_layer", "f8"), ("restart_error", "f8")],
+    align=True,
+)
+"""What all observers of a bank have in common."""
+
+OBSERVER = np.dtype(
+    [
+        ("clearance", "f8"),
+        ("relative_velocity", "f8"),
+        ("equivalent", "f8"),
+        ("output_error", "f8"),
+        ("started", "?"),
+    ],
+    align=True,
+)
+"""State of one observer: `equivalent` injection in m/s^2 (eq 21), `output_error` NaN where it was
+not fed."""
+
+
+@inner
+def _injection(common, output_error):
+    """The discontinuous injection (eq 18) in m/s^2, or its stand-in in a boundary layer."""
+    if common.boundary_layer > 0.0:
+        return common.gain * min(max(output_error / common.boundary_layer, -1.0), 1.0)
+    if output_error == 0.0:
+        return 0.0
+    return common.gain if output_error > 0.0 else -common.gain
+
+
+@inner
+def observe(common, observer, clearance, relative_velocity):
+    """Feed one observer for a step; it does not move where the measurement is NaN.
+
+    Returns its relative acceleration in m/s^2, NaN as long as it has not started.
+    """
+    if not (isfinite(clearance) and isfinite(relative_velocity)):
+        observer.output_error = np.nan
+        return observer.equivalent if observer.started else np.nan
+    if not observer.started:
+        observer.clearance, observer.relative_velocity = clearance, relative_velocity
+        observer.equivalent = 0.0
+        observer.started = True
+    error = (clearance - observer.clearance) + (relative_velocity - observer.relative_velocity)
+    if common.restart_error > 0.0 and abs(error) > common.restart_error:
+        observer.clearance, observer.relative_velocity = clearance, relative_velocity
+        error = 0.0
+    injection = _injection(common, error)
+    observer.clearance += STEP_S * observer.relative_velocity
+    observer.relative_velocity += STEP_S * injection
+    observer.equivalent += common.blend * (injection - observer.equivalent)
+    observer.output_error = error
+    return observer.equivalent
+
+
+@entry
+def _observe_all(common, observers, measured, accelerations):
+    for i in range(len(observers)):
+        accelerations[i] = observe(common[0], observers[i], measured[i, 0], measured[i, 1])
+
+
+def observers_common(
+    gain: float, filter_time: float, boundary_layer: float, restart_error: float
+) -> NDArray[np.void]:
+    """Array of one of `OBSERVERS`: `gain` rho in m/s^2, `filter_time` in s, `boundary_layer`
+    in m + m/s (0 = sign).
+
+    An output error beyond `restart_error` (m + m/s, 0 = none) is a jump of what is measured, not
+    motion: the observer goes on from there with the relative acceleration that it had.
+    """
+    common = np.zeros(1, OBSERVERS)
+    common[0] = gain, STEP_S / (filter_time + STEP_S), boundary_layer, restart_error
+    return common
+
+
 class SlidingModeObservers:
     """Any number of observers side by side, one step of 10 ms at a time."""
 
@@ -60,24 +136,9 @@ class SlidingModeObservers:
         boundary_layer: float,
         restart_error: float = 0.0,
     ) -> None:
-        """`gain` rho in m/s^2, `filter_time` in s, `boundary_layer` in m + m/s (0 = sign).
-
-        An output error beyond `restart_error` (m + m/s, 0 = none) is a jump of what is measured,
-        not motion: the observer goes on from there with the relative acceleration that it had.
-        """
-        self._restart_error = restart_error
-        self._gain = gain
-        self._blend = STEP_S / (filter_time + STEP_S)
-        self._boundary_layer = boundary_layer
-        self._state = np.zeros((count, 2))
-        self._equivalent = np.zeros(count)
-        self.started = np.zeros(count, dtype=bool)
-        self._all_started = False
-
-    def restart(self) -> None:
-        """Forget everything: each observer starts again at its next measurement."""
-        self.started[:] = False
-        self._all_started = False
+        """Settings as in `observers_common`."""
+        self._common = observers_common(gain, filter_time, boundary_layer, restart_error)
+        self._observers = np.zeros(count, OBSERVER)
 
     def step(self, measured: Array) -> tuple[Array, Array]:
         """Feed `measured` (n, 2) in m and m/s; an observer whose row is NaN does not move.
@@ -85,39 +146,6 @@ class SlidingModeObservers:
         Returns relative accelerations (n,) in m/s^2 (equivalent injection, eq 21) and output
         errors (n,), NaN where an observer has not started.
         """
-        output_error = (measured - self._state) @ C
-        if self._restart_error:
-            jumped = np.abs(output_error) > self._restart_error
-            if jumped.any():
-                self._state[jumped] = measured[jumped]
-                output_error[jumped] = 0.0
-        # Nearly always every observer runs and is fed; only else some need to be picked out.
-        if self._all_started and isfinite(output_error.sum()):
-            injection = self._injection(output_error)
-            derivative = self._state @ A.T
-            derivative[:, 1] += injection
-            self._state += STEP_S * derivative
-            self._equivalent += self._blend * (injection - self._equivalent)
-            return self._equivalent.copy(), output_error
-        return self._step_some(measured)
-
-    def _injection(self, output_error: Array) -> Array:
-        """The discontinuous injection (eq 18) in m/s^2, or its stand-in in a boundary layer."""
-        if self._boundary_layer > 0.0:
-            return self._gain * np.clip(output_error / self._boundary_layer, -1.0, 1.0)
-        return self._gain * np.sign(output_error)
-
-    def _step_some(self, measured: Array) -> tuple[Array, Array]:
-        """A step in which some observers start, or are not fed."""
-        fed = np.isfinite(measured).all(axis=1)
-        starting = fed & ~self.started
-        self._state[starting] = measured[starting]
-        self._equivalent[starting] = 0.0
-        self.started |= fed
-        self._all_started = bool(self.started.all())
-        output_error = (measured - self._state) @ C
-        injection = self._injection(output_error)[fed]
-        state = self._state[fed]
-        self._state[fed] = state + STEP_S * (state @ A.T + np.outer(injection, G))
-        self._equivalent[fed] += self._blend * (injection - self._equivalent[fed])
-        return np.where(self.started, self._equivalent, np.nan), output_error
+        accelerations = np.empty(len(self._observers))
+        _observe_all(self._common, self._observers, measured, accelerations)
+        return accelerations, self._observers["output_error"].copy()

@@ -12,7 +12,7 @@ from lfd_diagnosis.verdict import SIGNALS, Report, State
 from lfd_mpc.horizon import Horizon
 from lfd_mpc.settings import STEP_S
 from lfd_observer.bank import BankState
-from lfd_observer.prediction_store import HorizonFollower
+from lfd_observer.prediction_store import PredictionStore
 from lfd_replay.drawing.figures import (
     COLOURS,
     DARK,
@@ -213,12 +213,15 @@ CONTOUR_STEPS = 5
 def contour_panels(recording: Recording, settings: DiagnosisSettings) -> list[Panel]:
     """Where a measurement leaves the limits, over lead time and time (Fig 10, panels c)."""
     n = settings.prediction_steps
-    limits, follower = PredictionLimits(settings), HorizonFollower(n)
+    limits, store = PredictionLimits(settings), PredictionStore(n)
     outside = np.zeros((len(recording.steps), n, 2), dtype=bool)
     for k, step in enumerate(recording.steps):
         horizon = step.horizon
         measured = np.array([horizon.clearance, horizon.relative_velocity])
-        outside[k] = limits.outside(measured, follower.take(horizon).states)
+        store.follow(horizon.record)
+        outside[k] = limits.outside(measured, store.for_now())
+        if horizon.valid:
+            store.push(horizon.states)
     count = len(outside) // CONTOUR_STEPS
     columns = outside[: count * CONTOUR_STEPS].reshape(count, CONTOUR_STEPS, n, 2).any(axis=1)
     time = recording.time[: count * CONTOUR_STEPS : CONTOUR_STEPS]

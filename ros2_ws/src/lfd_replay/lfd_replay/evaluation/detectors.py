@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lfd_diagnosis.confidence import Confidence
+from lfd_diagnosis.confidence import confidences
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_replay.evaluation.trace import JUDGED, Trace
 from lfd_replay.score import intervals
@@ -75,15 +75,7 @@ def counted_faults(
     index: Array, threshold: float, fault_threshold: int, ceiling: int
 ) -> NDArray[np.bool_]:
     """Steps (n,) at which the confidence that counts `index` (n,) says fault (eq 26)."""
-    flagged = np.zeros(len(index), dtype=bool)
-    high = np.flatnonzero(index >= threshold)
-    if len(high) < fault_threshold:
-        return flagged
-    confidence = Confidence(threshold, fault_threshold, ceiling)
-    for k in range(high[0], len(index)):
-        confidence.step(index[k])
-        flagged[k] = confidence.faulty
-    return flagged
+    return confidences(index, threshold, ceiling) >= fault_threshold
 
 
 class Exceedance(Detector):

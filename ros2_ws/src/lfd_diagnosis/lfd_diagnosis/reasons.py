@@ -1,0 +1,251 @@
+"""Verdicts in words: what convicted a sensor, and what acquits the others."""
+
+from collections.abc import Callable
+from math import isfinite, isnan
+from typing import Any
+
+from lfd_diagnosis.evidence import Ground
+from lfd_diagnosis.radar_monitor import READY_SCANS
+from lfd_diagnosis.robust_diagnosis import VALID_CLEARANCE_STD, VALID_VELOCITY_STD
+from lfd_diagnosis.settings import DiagnosisSettings
+from lfd_diagnosis.verdict import VERDICTS, Kind, State
+
+KIND_WORDS = {int(kind): kind.name.lower() for kind in Kind}
+
+_GROUND_WORDS: dict[int, Callable[[Any], str]] = {
+    Ground.ROUGHNESS: lambda b: f"roughness: {b.first:.0%} of samples far rougher than before",
+    Ground.REPETITION: lambda b: f"repetition: the same value {b.first:.0f} times",
+    Ground.PATH: lambda b: (
+        f"path: the clearance left that of the relative velocity by {b.first:.2f} m "
+        f"(limit {b.second:.2f})"
+    ),
+    Ground.HOST_SPEED: lambda b: _check("host speed", b.first, b.second),
+    Ground.LEADS_WORD: lambda b: _check("lead's word", b.first, b.second),
+    Ground.OBSERVERS: lambda b: _check("observers", b.first, b.second),
+    Ground.SPEED_HELD: lambda b: f"{b.first:.2f} m/s for {b.second:.0f} samples on end",
+    Ground.SPEED_JUMPED: lambda b: (
+        f"a jump of {b.first:.2f} m/s in {b.second * 1000:.0f} ms (limit {b.third:.2f})"
+    ),
+    Ground.LEAD_JUMPED: lambda b: (
+        f"it jumped from {b.first:.2f} to {b.second:.2f} m/s^2 (limit {b.third:.2f})"
+    ),
+    Ground.LEAD_DISAGREES: lambda b: (
+        f"it says {b.first:.2f} m/s^2, radar and host make it {b.second:.2f} (limit {b.third:.2f})"
+    ),
+}
+
+_CHECK_NAMES = {
+    Ground.HOST_SPEED: "host speed",
+    Ground.LEADS_WORD: "lead's word",
+    Ground.OBSERVERS: "observers",
+}
+
+
+def _check(name: str, residual: float, limit: float) -> str:
+    return f"{name}: off by {residual:.2f} m/s^2 (limit {limit:.2f})"
+
+
+def _words(because: Any) -> str:
+    return _GROUND_WORDS[because.ground](because)
+
+
+def _residual(residual: float, limit: float, unit: str) -> str:
+    return f"prediction residual: {residual:.2f} {unit} (limit {limit:.2f})"
+
+
+def silent(age: float) -> str:
+    """Why there is nothing to judge, for a sample of that age in s."""
+    return "no sample yet" if isnan(age) else f"no sample for {age:.2f} s"
+
+
+def radar_reason(worse_is_velocity: bool, reasons: dict[str, str]) -> str:
+    """The radar's reason is that of the worse of its signals."""
+    if worse_is_velocity:
+        return f"relative velocity: {reasons['relative_velocity']}"
+    return f"clearance: {reasons['clearance']}"
+
+
+def robust_reasons(
+    settings: DiagnosisSettings, said: Any, anew_because: str, sensor_text: str
+) -> dict[str, str]:
+    """The reason of each verdict by name, the radar's left out; `said`: an unpacked outcome.
+
+    `anew_because` says why nothing from before some step counts, `sensor_text` what the radar
+    says of itself.
+    """
+    evidence = said.evidence
+    if evidence.silent:
+        return {name: "nothing arrives at all" for name in VERDICTS if name != "radar"}
+    filling = _filling(evidence.scans, anew_because)
+    says = f"; the radar says: {sensor_text}" if sensor_text else ""
+    return {
+        "clearance": _radar_signal(
+            settings, said.clearance, evidence.clearance, evidence.lost, filling, "m"
+        )
+        + says,
+        "relative_velocity": _radar_signal(
+            settings,
+            said.relative_velocity,
+            evidence.relative_velocity,
+            evidence.lost,
+            filling,
+            "m/s",
+        )
+        + says,
+        "acceleration": _acceleration(said.acceleration, evidence, filling),
+        "host_speed": _host_speed(settings, said.host_speed, evidence),
+        "lead_acceleration": _lead(settings, said.lead_acceleration, evidence),
+    }
+
+
+def _filling(scans: int, anew_because: str) -> str:
+    because = f" after: {anew_because}" if anew_because else ""
+    return f"{scans} of {READY_SCANS} scans of this target{because}"
+
+
+def _radar_signal(
+    settings: DiagnosisSettings, verdict: Any, evidence: Any, lost: bool, filling: str, unit: str
+) -> str:
+    state = verdict.state
+    if state == State.NO_DATA:
+        return f"transport: {silent(evidence.age)}"
+    if state == State.NO_TARGET:
+        return "the radar sees no lead"
+    if state == State.NOT_READY:
+        return filling
+    now = _residual(evidence.residual, evidence.limit, unit)
+    if state != State.FAULT:
+        reason = f"{now}; scan {evidence.age * 1000:.0f} ms old"
+        if evidence.outliers:
+            reason += f"; {evidence.outliers} single outliers rejected so far"
+        return reason
+    because = evidence.because
+    if because.ground == Ground.RESIDUAL:
+        words = _residual(because.first, because.second, unit)
+    else:
+        words = _words(because)
+    reason = f"{KIND_WORDS[verdict.kind]} by {words}"
+    if lost:
+        needed = settings.requalify_time
+        return f"{reason}; reference lost: a new target must agree for {needed:g} s"
+    reason += f"; now {now}"
+    return reason if evidence.tellable else f"{reason}; can no longer be told from a healthy signal"
+
+
+def _acceleration(verdict: Any, evidence: Any, filling: str) -> str:
+    check, age = evidence.check, evidence.acceleration_age
+    now = "nothing to hold it against yet"
+    if check.ground and isfinite(check.residual):
+        now = _check(_CHECK_NAMES[check.ground], check.residual, check.limit)
+    if verdict.state == State.NO_DATA:
+        reason = f"transport: {silent(age)}"
+    elif verdict.state == State.FAULT:
+        reason = f"{KIND_WORDS[verdict.kind]} by {_words(evidence.because)}; now {now}"
+    elif verdict.state == State.NOT_READY:
+        reason = f"neither host speed nor lead: {filling}"
+    else:
+        reason = f"{now}; sample {age * 1000:.0f} ms old"
+    if evidence.speed_faulty:
+        reason += f"; host speed is not used: {_words(evidence.speed_because)}"
+    if evidence.lead_faulty:
+        reason += f"; the lead's word is not used: {_words(evidence.lead_because)}"
+    return reason
+
+
+def _host_speed(settings: DiagnosisSettings, verdict: Any, evidence: Any) -> str:
+    if not settings.use_host_speed:
+        return "not used (parameter use_host_speed)"
+    age = evidence.host_speed_age
+    if verdict.state == State.NO_DATA:
+        return f"transport: {silent(age)}"
+    if verdict.state == State.FAULT:
+        kind = KIND_WORDS[verdict.kind]
+        return f"{kind} by {_words(evidence.speed_because)}; not used as evidence"
+    if verdict.state == State.NOT_READY:
+        return "its derivative is settling"
+    return f"derivative {evidence.derivative:.2f} m/s^2; sample {age * 1000:.0f} ms old"
+
+
+def _lead(settings: DiagnosisSettings, verdict: Any, evidence: Any) -> str:
+    if not settings.use_lead_report:
+        return "not used (parameter use_lead_report)"
+    if verdict.state == State.NO_DATA:
+        return f"transport: {silent(evidence.lead_age)}"
+    if verdict.state == State.FAULT:
+        return f"{_words(evidence.lead_because)}; not used as evidence"
+    if verdict.state == State.NOT_READY:
+        return "must agree with radar and host for a while first"
+    off, limit = evidence.lead_off, evidence.lead_limit
+    return f"off by {off:.2f} m/s^2 from radar and host (limit {limit:.2f})"
+
+
+def robust_missing(_settings: DiagnosisSettings, said: Any, anew_because: str) -> str:
+    """Why reconstructed signals are not offered; empty where all are."""
+    made, evidence, missing = said.reconstructed, said.evidence, []
+    if not evidence.has_track:
+        missing.append(f"radar signals: {_filling(evidence.scans, anew_because)}")
+    else:
+        if evidence.clearance_std > VALID_CLEARANCE_STD:
+            missing.append(f"clearance: not known better than to {evidence.clearance_std:.1f} m")
+        if evidence.relative_velocity_std > VALID_VELOCITY_STD:
+            std = evidence.relative_velocity_std
+            missing.append(f"relative velocity: not known better than to {std:.1f} m/s")
+    if not made.acceleration_valid:
+        missing.append("acceleration: neither host speed nor lead tells it")
+    return "; ".join(missing)
+
+
+def paper_reasons(
+    settings: DiagnosisSettings, said: Any, anew_because: str, sensor_text: str
+) -> dict[str, str]:
+    """The same for the paper profile."""
+    evidence = said.evidence
+    not_judged = "not judged by the paper profile"
+    reasons = {"host_speed": not_judged, "lead_acceleration": not_judged}
+    if evidence.silent:
+        return {name: reasons.get(name, "nothing arrives at all") for name in VERDICTS}
+    n = settings.prediction_steps
+    filling = _stored(evidence.stored, n, anew_because)
+    says = f"; the radar says: {sensor_text}" if sensor_text else ""
+    for name, unit in (("clearance", "m"), ("relative_velocity", "m/s")):
+        verdict = getattr(said, name)
+        if not isnan(verdict.index):
+            count, value = getattr(evidence, f"{name}_count"), getattr(evidence, name)
+            reason = f"{count} of {n} predictions disagree with {value:.2f} {unit}"
+        elif verdict.state == State.NO_DATA:
+            reason = silent(getattr(evidence, f"{name}_age"))
+        elif verdict.state == State.NO_TARGET:
+            reason = "the radar sees no lead"
+        else:
+            reason = filling
+        reasons[name] = reason + says
+    if not isnan(said.acceleration.index):
+        reason = (
+            f"{evidence.observers} of {evidence.observer_count} observers exclude "
+            f"{evidence.acceleration:.2f} m/s^2 "
+            f"(first one's limits {evidence.lower:.2f} to {evidence.upper:.2f})"
+        )
+    elif said.acceleration.state == State.NO_DATA:
+        reason = silent(evidence.acceleration_age)
+    else:
+        reason = filling if evidence.answered else "the observer bank did not answer"
+    reasons["acceleration"] = reason
+    return reasons
+
+
+def _stored(count: int, steps: int, anew_because: str) -> str:
+    because = f" after: {anew_because}" if anew_because else ""
+    return f"{count} of {steps} predictions stored{because}"
+
+
+def paper_missing(settings: DiagnosisSettings, said: Any, anew_because: str) -> str:
+    """Why reconstructed signals are not offered; empty where all are."""
+    made, evidence, missing = said.reconstructed, said.evidence, []
+    if not evidence.complete:
+        filling = _stored(evidence.stored_now, settings.prediction_steps, anew_because)
+        missing.append(f"radar signals: {filling}")
+    if said.radar.state == State.FAULT:
+        missing.append("acceleration: the radar is faulty")
+    elif not made.relative_acceleration_valid:
+        missing.append("acceleration: the observers are not ready")
+    return "; ".join(missing)

@@ -1,0 +1,116 @@
+"""Compiled functions: the algorithm's formulas, each written once as a plain function.
+
+State lives in numpy records (`numpy.dtype` with named fields); a function takes the record that it
+changes as its first argument, as a method would. Functions that are called from outside take arrays
+of one record. Nodes, which take one step at a time, and
+evaluations, which take a drive at once, call the same functions.
+
+What was compiled is kept on disk until a source file of the algorithm changes. `LFD_CACHE` names
+the folder; without it, it is in the package, or in the user's cache where that cannot be written.
+"""
+
+import hashlib
+import os
+from collections import namedtuple
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+import numpy as np
+from numba.core import config
+from numpy.typing import NDArray
+
+PACKAGES = ("lfd_mpc", "lfd_observer", "lfd_diagnosis", "lfd_replay")
+"""Packages whose functions call each other; a change in one of them counts for all."""
+
+NOT_COMPILED = ("_node.py", "__init__.py")
+"""Endings of names of files that nothing compiled depends on."""
+
+Function = TypeVar("Function", bound=Callable)
+
+
+def _sources_digest() -> str:
+    """Stands for the sources of all packages, and for what compiles them."""
+    digest = hashlib.sha256(f"{numba.__version__} {np.__version__}".encode())
+    for package in PACKAGES:
+        spec = find_spec(package)
+        for folder in spec.submodule_search_locations or () if spec else ():
+            for file in sorted(Path(folder).glob("*.py")):
+                text = file.read_bytes()
+                of_replay = package == "lfd_replay" and b"lfd_mpc.compiled" not in text
+                if not of_replay and not file.name.endswith(NOT_COMPILED):
+                    digest.update(file.name.encode() + text)
+    return digest.hexdigest()[:16]
+
+
+def _writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK)
+
+
+def _cache_folder() -> Path:
+    """Where compiled functions are kept, by source."""
+    chosen = os.environ.get("LFD_CACHE")
+    own = Path(__file__).resolve().parent / "__pycache__"
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lfd"
+    base = Path(chosen) if chosen else own if _writable(own) else user
+    return base / f"compiled-{_sources_digest()}"
+
+
+CACHE_FOLDER = _cache_folder()
+
+
+def inner(function: Function) -> Function:
+    """Compile a function that only compiled functions call."""
+    return numba.njit(error_model="numpy")(function)
+
+
+def entry(function: Function) -> Function:
+    """Compile a function that is called from outside, and keep the result on disk."""
+    before, config.CACHE_DIR = config.CACHE_DIR, str(CACHE_FOLDER)
+    try:
+        return numba.njit(error_model="numpy", cache=_writable(CACHE_FOLDER))(function)
+    finally:
+        config.CACHE_DIR = before
+
+
+def make_state(kind: np.dtype) -> NDArray[np.void]:
+    """A record of zeros as an array of one, for functions to change in place.
+
+    Compiled functions are called with such arrays: the type of an array is found by its dtype's
+    identity, that of a record by walking through all of its fields at every call.
+    """
+    return np.zeros(1, kind)
+
+
+def unpacker(kind: np.dtype) -> Callable[[np.void], Any]:
+    """A function that gives a record's values as nested named tuples of plain Python values.
+
+    Much faster to read than the record itself; fields that are arrays stay arrays.
+    """
+    build = _from_tuple(kind)
+    return lambda record: build(record.item())
+
+
+def _from_tuple(kind: np.dtype) -> Callable[[tuple], Any]:
+    made = namedtuple("Values", kind.names or ())  # type: ignore[misc]
+    nested = [
+        (number, _from_tuple(kind[number]))
+        for number in range(len(kind))
+        if kind[number].names is not None
+    ]
+    if not nested:
+        return made._make
+
+    def build(values: tuple) -> Any:
+        filled = list(values)
+        for number, convert in nested:
+            filled[number] = convert(filled[number])
+        return made._make(filled)
+
+    return build
