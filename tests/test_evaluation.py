@@ -54,14 +54,14 @@ FAULTS = parse_faults(
 @pytest.fixture(scope="module")
 def healthy() -> Trace:
     drive = generate_drive("data-1", 0, "esr")
-    return record_trace(OfflineGraph(SETTINGS).run(drive.samples), drive.zero)
+    return record_trace(OfflineGraph(SETTINGS).rows(drive.samples), drive.zero)
 
 
 @pytest.fixture(scope="module")
 def faulty() -> Trace:
     drive = generate_drive("data-1", 0, "esr")
     samples = FaultInjector(FAULTS, drive.zero, 0).apply(drive.samples)
-    return record_trace(OfflineGraph(SETTINGS).run(samples), drive.zero)
+    return record_trace(OfflineGraph(SETTINGS).rows(samples), drive.zero)
 
 
 def test_the_counted_index_is_the_published_decision(faulty: Trace) -> None:

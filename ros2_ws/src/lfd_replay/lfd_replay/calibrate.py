@@ -119,7 +119,7 @@ def traces(settings: GraphSettings, drives: list[Drive], what: str) -> Iterator[
     """Each drive through a graph of its own."""
     console = Console(stderr=True)
     for drive in track(drives, what, console=console, disable=not console.is_terminal):
-        yield record_trace(OfflineGraph(settings).run(drive.samples), drive.zero)
+        yield record_trace(OfflineGraph(settings).rows(drive.samples), drive.zero)
 
 
 def calibration_table(settings: GraphSettings, normal: IndexStatistics) -> Table:

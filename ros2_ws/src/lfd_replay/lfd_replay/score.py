@@ -40,6 +40,19 @@ def timeline(reports: Iterable[Report], zero: int) -> Timeline:
     )
 
 
+def row_timeline(rows: Iterable[NDArray[np.void]], zero: int) -> Timeline:
+    """The same from arrays of rows of an offline graph."""
+    stamps = [np.empty(0, dtype=np.int64)]
+    states: dict[str, list[NDArray[np.int8]]] = {name: [np.empty(0, np.int8)] for name in SIGNALS}
+    for part in rows:
+        stamps.append(part["outcome"]["stamp"] - zero)
+        for name in SIGNALS:
+            states[name].append(part["outcome"][name]["state"].copy())
+    return Timeline(
+        np.concatenate(stamps), {name: np.concatenate(own) for name, own in states.items()}
+    )
+
+
 def intervals(stamps: NDArray[np.int64], marked: NDArray[np.bool_]) -> list[Interval]:
     """Stretches of marked steps as (first step, first step no longer marked), in s.
 

@@ -16,7 +16,7 @@ from lfd_replay.generated.generate import generate_drive
 from lfd_replay.import_drive import join_drive
 from lfd_replay.offline import GraphStep, OfflineGraph
 from lfd_replay.profiles import GraphSettings
-from lfd_replay.score import score, timeline
+from lfd_replay.score import row_timeline, score, timeline
 
 Array = NDArray[np.float64]
 
@@ -128,7 +128,10 @@ _FIELDS = {
 
 def score_case(case: Case, phase: float, settings: GraphSettings, recorded: Path | None) -> dict:
     """The contract's figures of one case."""
-    return run_case(case, phase, settings, recorded)[2]
+    drive = load_drive(case.drive, recorded)
+    faults = parse_faults(case.fault_texts(phase))
+    samples = FaultInjector(faults, drive.zero, 0).apply(drive.samples)
+    return score(row_timeline(OfflineGraph(settings).rows(samples), drive.zero), faults)
 
 
 def phases(count: int) -> list[float]:

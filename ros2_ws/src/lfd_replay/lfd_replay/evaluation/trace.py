@@ -2,14 +2,12 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import nan
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lfd_diagnosis.verdict import SIGNALS
-from lfd_replay.offline import GraphStep
 
 Array = NDArray[np.float64]
 
@@ -63,34 +61,32 @@ def load_trace(path: Path) -> Trace:
         return Trace(**arrays)
 
 
-def record_trace(steps: Iterable[GraphStep], zero: int) -> Trace:
-    """Collect the steps of a drive whose time zero is `zero` in ns."""
-    stamps, states, indices, used, predicted, relative, measured, scans = ([] for _ in range(8))
-    for step in steps:
-        horizon, report, now = step.horizon, step.outcome.report, step.outcome.reconstruction
-        stamp = horizon.stamp - zero
-        age = horizon.clearance_age
-        stamps.append(stamp)
-        states.append([getattr(report, name).state for name in SIGNALS])
-        indices.append([getattr(report, name).index for name in JUDGED])
-        used.append(
+def record_trace(rows: Iterable[NDArray[np.void]], zero: int) -> Trace:
+    """Collect the rows of an offline graph, of a drive whose time zero is `zero` in ns."""
+    parts: list[tuple] = []
+    for part in rows:
+        horizon, outcome = part["horizon"], part["outcome"]
+        now = outcome["reconstructed"]
+        stamps = horizon["stamp"] - zero
+        age = horizon["clearance_age"]
+        scanned = np.isfinite(age)
+        scans = stamps - np.round(np.where(scanned, age, 0.0) * 1e9).astype(np.int64)
+        acceleration = horizon["acceleration"].copy()
+        acceleration[horizon["acceleration_stale"]] = np.nan
+        parts.append(
             (
-                horizon.clearance,
-                horizon.relative_velocity,
-                nan if horizon.acceleration_stale else horizon.acceleration,
+                stamps,
+                np.stack([outcome[name]["state"] for name in SIGNALS], axis=1),
+                np.stack([outcome[name]["index"] for name in JUDGED], axis=1),
+                _columns(horizon["clearance"], horizon["relative_velocity"], acceleration),
+                _columns(now["clearance"], now["relative_velocity"]),
+                now["relative_acceleration"].copy(),
+                _columns(horizon["measured_clearance"], horizon["measured_relative_velocity"]),
+                np.where(scanned, scans, -1),
             )
         )
-        predicted.append((now.clearance, now.relative_velocity))
-        relative.append(now.relative_acceleration)
-        measured.append((horizon.measured_clearance, horizon.measured_relative_velocity))
-        scans.append(-1 if age != age else stamp - round(age * 1e9))
-    return Trace(
-        np.array(stamps, dtype=np.int64),
-        np.array(states, dtype=np.int8).reshape(-1, len(SIGNALS)),
-        np.array(indices, dtype=float).reshape(-1, len(JUDGED)),
-        np.array(used, dtype=float).reshape(-1, 3),
-        np.array(predicted, dtype=float).reshape(-1, 2),
-        np.array(relative, dtype=float),
-        np.array(measured, dtype=float).reshape(-1, 2),
-        np.array(scans, dtype=np.int64),
-    )
+    return Trace(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _columns(*columns: Array) -> Array:
+    return np.stack(columns, axis=1)

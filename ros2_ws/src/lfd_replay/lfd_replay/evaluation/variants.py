@@ -2,9 +2,7 @@
 
 from collections.abc import Iterable
 
-from lfd_mpc.horizon import Horizon, Mpc
 from lfd_mpc.sampling import Sample
-from lfd_mpc.settings import MpcSettings
 from lfd_replay.evaluation.detectors import PUBLISHED
 from lfd_replay.evaluation.trace import Trace, record_trace
 from lfd_replay.offline import OfflineGraph
@@ -27,14 +25,9 @@ def variants(settings: GraphSettings) -> dict[str, GraphSettings]:
 def trace_variants(
     chosen: dict[str, GraphSettings], samples: Iterable[Sample], zero: int
 ) -> dict[str, Trace]:
-    """The same samples through several variants; those with the same controller share it."""
+    """The same samples through several variants."""
     samples = list(samples)
-    horizons: dict[MpcSettings, list[Horizon]] = {}
-    traces = {}
-    for name, settings in chosen.items():
-        if settings.mpc not in horizons:
-            mpc = Mpc(settings.mpc)
-            horizons[settings.mpc] = [h for sample in samples for h in mpc.push(sample)]
-        graph = OfflineGraph(settings)
-        traces[name] = record_trace(map(graph.answer, horizons[settings.mpc]), zero)
-    return traces
+    return {
+        name: record_trace(OfflineGraph(settings).rows(samples), zero)
+        for name, settings in chosen.items()
+    }

@@ -1,15 +1,14 @@
 """One drive with faults through both profiles: what each made of every window."""
 
 from dataclasses import dataclass
-from math import isfinite, nan
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lfd_diagnosis.verdict import Report, State
-from lfd_mpc.horizon import Mpc
-from lfd_mpc.sampling import HOST_SPEED, LEAD_ACCELERATION, Sample, Sampler, ScalarSample
+from lfd_diagnosis.verdict import State
+from lfd_mpc.sampling import HOST_SPEED, LEAD_ACCELERATION, Sample, ScalarSample
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
 from lfd_replay.evaluation.trace import JUDGED
@@ -134,63 +133,51 @@ def look(run: Run, recorded: Path | None) -> tuple[dict[str, Seen], Array, Array
     samples = [s for s in drive.samples if run.host_speed or s.input != HOST_SPEED]
     samples = sorted([*samples, *_lead_says(run, drive)], key=lambda s: s.stamp)
     faults = parse_faults(run.faults)
-    chosen = settings_of(run)
-    mpc = Mpc(next(iter(chosen.values())).mpc)
-    horizons = [
-        horizon
-        for sample in FaultInjector(faults, zero, run.seed).apply(samples)
-        for horizon in mpc.push(sample)
-    ]
-    times = (np.array([h.stamp for h in horizons]) - zero) * 1e-9
-    measured = np.array(
-        [
-            (h.clearance, h.relative_velocity, h.acceleration, h.measured_host_speed)
-            for h in horizons
-        ]
-    ).reshape(-1, 4)
+    faulty = FaultInjector(faults, zero, run.seed).apply(samples) if faults else samples
     seen = {}
-    for name, settings in chosen.items():
-        graph = OfflineGraph(settings)
-        seen[name] = _collect(times, [graph.answer(h).outcome for h in horizons])
-    return seen, measured, _healthy(samples, times, zero) if faults else measured, faults
+    for name, settings in settings_of(run).items():
+        rows = np.concatenate(list(OfflineGraph(settings).rows(faulty)))
+        times = (rows["horizon"]["stamp"] - zero) * 1e-9
+        seen[name] = _collect(times, rows["outcome"])
+    horizon = rows["horizon"]
+    used = ("clearance", "relative_velocity", "acceleration", "measured_host_speed")
+    measured = np.stack([horizon[field] for field in used], axis=1)
+    healthy = _healthy(samples, settings, horizon["stamp"]) if faults else measured
+    return seen, measured, healthy, faults
 
 
-def _healthy(samples: list[Sample], times: Array, zero: int) -> Array:
-    """The signals (n, 4) as they would have been used without a fault."""
-    sampler = Sampler()
-    values = {}
-    for sample in samples:
-        for step in sampler.push(sample):
-            values[step.stamp] = (
-                step.clearance_now,
-                step.relative_velocity.measured,
-                step.acceleration.measured,
-                step.host_speed.measured,
-            )
-    nothing = (nan,) * 4
-    stamps = (np.round(times * 1e9) + zero).astype(np.int64).tolist()
-    return np.array([values.get(stamp, nothing) for stamp in stamps]).reshape(-1, 4)
+def _healthy(samples: list[Sample], settings: GraphSettings, stamps: NDArray[np.int64]) -> Array:
+    """The signals (n, 4) at `stamps` (n,) in ns as they would have been without a fault."""
+    rows = np.concatenate(list(OfflineGraph(settings).rows(samples)))
+    horizon = rows["horizon"]
+    carried = horizon["measured_relative_velocity"] * horizon["clearance_age"]
+    values = np.stack(
+        [
+            horizon["measured_clearance"] + carried,
+            horizon["measured_relative_velocity"],
+            horizon["measured_acceleration"],
+            horizon["measured_host_speed"],
+        ],
+        axis=1,
+    )
+    at = np.searchsorted(horizon["stamp"], stamps).clip(max=len(horizon) - 1)
+    return np.where((horizon["stamp"][at] == stamps)[:, None], values[at], np.nan)
 
 
-def _collect(times: Array, outcomes: list) -> Seen:
-    reports: list[Report] = [outcome.report for outcome in outcomes]
-
-    def column(name: str, field: str) -> Array:
-        return np.array([getattr(getattr(report, name), field) for report in reports], dtype=float)
-
-    states = {name: column(name, "state") for name in WATCHED}
-    now = [outcome.reconstruction for outcome in outcomes]
+def _collect(times: Array, outcomes: NDArray[np.void]) -> Seen:
+    states = {name: outcomes[name]["state"] for name in WATCHED}
+    now = outcomes["reconstructed"]
     return Seen(
         times,
         {name: state == State.FAULT for name, state in states.items()},
         {name: state != State.NOT_READY for name, state in states.items()},
         {name: state == State.NO_DATA for name, state in states.items()},
         *(
-            {name: column(name, field) for name in WATCHED}
+            {name: outcomes[name][field].astype(float) for name in WATCHED}
             for field in ("kind", "size", "size_std")
         ),
-        np.array([(r.clearance, r.relative_velocity, r.acceleration) for r in now]),
-        np.array([(r.clearance_std, r.relative_velocity_std, r.acceleration_std) for r in now]),
+        np.stack([now[name] for name in JUDGED], axis=1),
+        np.stack([now[f"{name}_std"] for name in JUDGED], axis=1),
     )
 
 
