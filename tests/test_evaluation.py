@@ -24,7 +24,6 @@ from lfd_replay.evaluation.detectors import (
     count_false_events,
 )
 from lfd_replay.evaluation.fault_windows import LENGTH, PAUSE, Cell, offset_cells
-from lfd_replay.evaluation.journal import Journal, Task, run_tasks
 from lfd_replay.evaluation.kalman import KalmanGate, LeadModel
 from lfd_replay.evaluation.normal_driving import lead_acceleration, scan_deviations
 from lfd_replay.evaluation.requirements import campaign as requirements
@@ -36,6 +35,7 @@ from lfd_replay.evaluation.variants import LINEAR, SINGLE, variants
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.generated.generate import generate_drive
 from lfd_replay.generated.sensor_models import SENSORS
+from lfd_replay.journal import Journal, Task, run_tasks
 from lfd_replay.make_drive import main_make
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import graph_settings

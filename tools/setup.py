@@ -79,7 +79,7 @@ def needed(file: Path, digest: str) -> bool:
 
 def make_environment() -> bool:
     """A virtual environment with the pinned requirements; true if anything was installed."""
-    files = [ROOT / "requirements.txt"]
+    files = [ROOT / "requirements.txt", ROOT / "requirements-dask.txt"]
     if ROS_PREFIX is None:
         files.insert(0, ROOT / "requirements-ros.txt")
     file, digest = stamp(

@@ -2,23 +2,36 @@
 
 import argparse
 import json
+import os
 import sys
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import Progress
+from rich.progress import track
 from rich.table import Table
 
+from lfd_mpc.errors import UserError
+from lfd_mpc.sampling import Sample
 from lfd_replay.drawing.panels import RecordedStep
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
+from lfd_replay.evaluate_many import drives_of, evaluate_all, many_table, say_failures
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
-from lfd_replay.offline import GraphStep, OfflineGraph
-from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, graph_settings
-from lfd_replay.read_drive import add_read_options, read_drive, read_options
+from lfd_replay.offline import OfflineGraph
+from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, GraphSettings, graph_settings
+from lfd_replay.read_drive import ReadOptions, add_read_options, read_drive, read_options
 from lfd_replay.report import write_report
-from lfd_replay.score import SUMMARY_COLUMNS, score, summary_rows, timeline
+from lfd_replay.score import (
+    SUMMARY_COLUMNS,
+    Timeline,
+    row_timeline,
+    score,
+    summary_rows,
+    timeline,
+)
 from lfd_replay.text_file import write_text
 
 
@@ -62,10 +75,72 @@ def print_table(table: Table) -> None:
     Console(width=None if console.is_terminal else 120).print(table)
 
 
+@dataclass(frozen=True)
+class Question:
+    """What is asked of each drive: settings, faults, seed, and how to read it."""
+
+    profile: str
+    settings: GraphSettings
+    faults: list[Fault]
+    seed: int
+    reading: ReadOptions
+
+
+def evaluate_drive(path: Path, question: Question) -> tuple[Drive, dict]:
+    """The drive and the contract's figures. Raises UserError for what is no drive."""
+    started = time.perf_counter()
+    drive = read_drive(path, question.reading)
+    graph = OfflineGraph(question.settings)
+    line = row_timeline(graph.rows(_with_faults(drive, question)), drive.zero)
+    return drive, _figures(path, drive, question, line, time.perf_counter() - started)
+
+
+def _with_faults(drive: Drive, question: Question) -> Sequence[Sample]:
+    if not question.faults:
+        return drive.samples
+    return FaultInjector(question.faults, drive.zero, question.seed).apply(drive.samples)
+
+
+def _figures(path: Path, drive: Drive, question: Question, line: Timeline, elapsed: float) -> dict:
+    return {
+        "drive": str(path),
+        "profile": question.profile,
+        "faults": [fault.text for fault in question.faults],
+        "duration_s": round(drive.duration, 6),
+        "steps": len(line.stamps),
+        "elapsed_s": round(elapsed, 6),
+        "realtime_factor": round(drive.duration / elapsed, 3),
+        "sensors": score(line, question.faults),
+    }
+
+
+def _report_drive(path: Path, question: Question, folder: Path) -> tuple[Drive, dict]:
+    """The same step by step, since the page shows what was said at each of them."""
+    started = time.perf_counter()
+    drive = read_drive(path, question.reading)
+    graph = OfflineGraph(question.settings)
+    samples = _with_faults(drive, question)
+    console = Console(stderr=True)
+    shown = track(samples, "evaluating", console=console, disable=not console.is_terminal)
+    steps = [step for sample in shown for step in graph.push(sample)]
+    line = timeline((step.outcome.report for step in steps), drive.zero)
+    result = _figures(path, drive, question, line, time.perf_counter() - started)
+    recorded = [RecordedStep(step.horizon, step.bank, step.outcome.report) for step in steps]
+    write_report(folder, drive.name, recorded, drive.zero, question.faults, result["sensors"])
+    return drive, result
+
+
 def main_evaluate(arguments: list[str]) -> int:
     """The command line of `evaluate`."""
     parser = argparse.ArgumentParser(prog="evaluate", description=__doc__)
-    parser.add_argument("drive", type=Path, help="CSV file, bag, CAN log or folder of a segment")
+    parser.add_argument(
+        "drives",
+        type=Path,
+        nargs="+",
+        metavar="DRIVE",
+        help="CSV file, bag, CAN log or folder of a segment; several, or a folder of drives, "
+        "are evaluated side by side",
+    )
     add_drive_options(parser)
     parser.add_argument(
         "--profile",
@@ -75,48 +150,47 @@ def main_evaluate(arguments: list[str]) -> int:
     parser.add_argument("--params", type=Path, metavar="FILE.yaml", help="ROS parameter file")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
     parser.add_argument(
-        "--report", type=Path, metavar="FOLDER", help="write a page to look at there"
+        "--report", type=Path, metavar="FOLDER", help="write a page to look at there (one drive)"
     )
+    many = parser.add_argument_group("several drives")
+    many.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: %(default)s)"
+    )
+    many.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler to use instead")
     options = parser.parse_args(arguments)
 
-    faults = parse_faults(options.fault)
-    reading = read_options(options)
-    graph = OfflineGraph(graph_settings(options.profile, options.params))
-    started = time.perf_counter()
-    drive = read_drive(options.drive, reading)
-    warn(drive, faults)
-    injector = FaultInjector(faults, drive.zero, options.seed)
-    samples = injector.apply(drive.samples)
-    steps: list[GraphStep] = []
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("evaluating", total=len(samples))
-        for count, sample in enumerate(samples):
-            steps.extend(graph.push(sample))
-            if count % 500 == 0:
-                progress.update(task, completed=count)
-    elapsed = time.perf_counter() - started
-    sensors = score(timeline((step.outcome.report for step in steps), drive.zero), faults)
-    result = {
-        "drive": str(options.drive),
-        "profile": options.profile,
-        "faults": [fault.text for fault in faults],
-        "duration_s": round(drive.duration, 6),
-        "steps": len(steps),
-        "elapsed_s": round(elapsed, 6),
-        "realtime_factor": round(drive.duration / elapsed, 3),
-        "sensors": sensors,
-    }
+    question = Question(
+        options.profile,
+        graph_settings(options.profile, options.params),
+        parse_faults(options.fault),
+        options.seed,
+        read_options(options),
+    )
+    drives = drives_of(options.drives)
+    if drives is not None:
+        if options.report:
+            raise UserError("--report makes the page of one drive; give one")
+        if options.jobs < 1:
+            raise UserError(f"--jobs {options.jobs}: 1 or more is expected")
+        results = evaluate_all(
+            drives, question, evaluate_drive, options.json, options.jobs, options.scheduler
+        )
+        print_table(many_table(results, options.profile))
+        return say_failures(results)
+    (path,) = options.drives
     if options.report:
-        recorded = [RecordedStep(step.horizon, step.bank, step.outcome.report) for step in steps]
-        write_report(options.report, drive.name, recorded, drive.zero, faults, sensors)
+        drive, result = _report_drive(path, question, options.report)
+    else:
+        drive, result = evaluate_drive(path, question)
+    warn(drive, question.faults)
     if options.json:
         write_text(options.json, json.dumps(result, indent=1, allow_nan=False) + "\n")
     title = (
-        f"{drive.name}: {result['duration_s']:.1f} s, {len(steps)} steps in {elapsed:.1f} s "
-        f"({result['realtime_factor']:.0f} x real time), profile {options.profile}"
+        f"{drive.name}: {result['duration_s']:.1f} s, {result['steps']} steps in "
+        f"{result['elapsed_s']:.2f} s ({result['realtime_factor']:.0f} x real time), "
+        f"profile {options.profile}"
     )
-    print_table(result_table(sensors, title))
+    print_table(result_table(result["sensors"], title))
     return 0
 
 

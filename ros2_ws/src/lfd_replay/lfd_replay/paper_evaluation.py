@@ -2,11 +2,9 @@
 
 import argparse
 import json
-import multiprocessing
 import os
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from rich.console import Console
@@ -20,6 +18,7 @@ from lfd_replay.evaluation import summary
 from lfd_replay.evaluation.campaign import evaluate_paper, full, plain
 from lfd_replay.evaluation.cases import RECORDED
 from lfd_replay.evaluation.page import write_evaluation_page
+from lfd_replay.journal import workers
 from lfd_replay.profiles import graph_settings
 from lfd_replay.text_file import write_text
 
@@ -65,11 +64,9 @@ def main_paper_evaluation(arguments: list[str]) -> int:
         MofNCompleteColumn(),
         TimeElapsedColumn(),
     )
-    # Started afresh, so that a worker holds nothing of the parent's threads.
-    context = multiprocessing.get_context("spawn")
     with (
         Progress(*columns, console=console, disable=not console.is_terminal) as progress,
-        ProcessPoolExecutor(options.jobs, mp_context=context) as pool,
+        workers(options.jobs) as pool,
     ):
         bar = progress.add_task("evaluating", total=size.tasks)
         found = evaluate_paper(

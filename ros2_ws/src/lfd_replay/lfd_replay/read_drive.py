@@ -102,6 +102,13 @@ def _numbers(option: str, text: str, count: int) -> list[float]:
     return values
 
 
+def is_drive(path: Path) -> bool:
+    """Whether a path looks like one drive: a file of a known kind, a bag folder or a segment."""
+    if path.is_dir():
+        return (path / "metadata.yaml").is_file() or is_segment(path)
+    return path.suffix in (*BAG_SUFFIXES, *CAN_SUFFIXES, ".csv")
+
+
 def read_streams(
     path: Path, options: ReadOptions | None = None
 ) -> tuple[dict[str, list[Sample]], list[str]]:

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,13 +34,13 @@ from lfd_replay.evaluation.fault_windows import (
     offset_cells,
     other_cells,
 )
-from lfd_replay.evaluation.journal import Journal, Task, run_tasks
 from lfd_replay.evaluation.normal_driving import IndexStatistics, index_statistics
 from lfd_replay.evaluation.requirements.campaign import Requirements, count_runs, measure
 from lfd_replay.evaluation.requirements.plan import Extent, full_extent, plain_extent
 from lfd_replay.evaluation.trace import load_trace
 from lfd_replay.evaluation.variants import LINEAR, SINGLE, variants
 from lfd_replay.generated.lead_profiles import NORMAL
+from lfd_replay.journal import Journal, Task, run_tasks
 from lfd_replay.profiles import GraphSettings
 
 FALSE_EVENTS_PER_HOUR = 1.0
@@ -120,7 +120,7 @@ def evaluate_paper(
     settings: GraphSettings,
     recorded: Path | None,
     work: Path,
-    pool: ProcessPoolExecutor,
+    pool: Executor,
     done: Callable[[], None],
 ) -> Evaluation:
     """Run everything that `work`, the folder of earlier results, does not hold yet."""

@@ -6,13 +6,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from lfd_replay.evaluation.journal import Task
 from lfd_replay.evaluation.requirements import judge as judges
 from lfd_replay.evaluation.requirements import plan
 from lfd_replay.evaluation.requirements.judge import Finding, Judge, kinds_confusion
 from lfd_replay.evaluation.requirements.plan import Extent
 from lfd_replay.evaluation.requirements.windows import NEAREST, Run, run_windows
 from lfd_replay.evaluation.trace import JUDGED
+from lfd_replay.journal import Task
 
 KINDS = {
     "hold": dict.fromkeys((*JUDGED, "host_speed")),

@@ -2,8 +2,10 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+import multiprocessing
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, ProcessPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,7 @@ import lfd_diagnosis
 import lfd_mpc
 import lfd_observer
 import lfd_replay
+from lfd_mpc.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -60,8 +63,33 @@ class Journal:
         self.results[key] = json.loads(json.dumps(result))
 
 
+@contextmanager
+def workers(jobs: int, scheduler: str | None = None) -> Iterator[Executor]:
+    """Processes of this machine, or those behind a Dask scheduler at an address.
+
+    Raises UserError where Dask is not installed or nothing answers at the address.
+    """
+    if scheduler is None:
+        # Started afresh, so that a worker holds nothing of the parent's threads.
+        with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+            yield pool
+        return
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise UserError(
+            "--scheduler needs Dask: pip install -r requirements-dask.txt into the environment"
+        ) from error
+    try:
+        client = Client(scheduler, timeout="10s")
+    except (OSError, ValueError) as error:
+        raise UserError(f"--scheduler {scheduler}: no Dask scheduler answers there") from error
+    with client, client.get_executor(pure=False) as pool:
+        yield pool
+
+
 def run_tasks(
-    tasks: Iterable[Task], journal: Journal, pool: ProcessPoolExecutor, done: Callable[[], None]
+    tasks: Iterable[Task], journal: Journal, pool: Executor, done: Callable[[], None]
 ) -> dict[str, Any]:
     """Results by key of all tasks; `done` is called after each one.
 

@@ -1,0 +1,162 @@
+"""Many drives side by side: what each one showed, and all of them together."""
+
+import hashlib
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from lfd_diagnosis.verdict import SIGNALS
+from lfd_mpc.errors import UserError
+from lfd_replay.journal import Journal, Task, run_tasks, workers
+from lfd_replay.read_drive import is_drive
+from lfd_replay.text_file import write_text
+
+
+def drives_of(paths: list[Path]) -> list[Path] | None:
+    """The drives that paths stand for where they are several or folders of drives; else None.
+
+    Raises UserError for a folder that holds none.
+    """
+    if len(paths) == 1 and (not paths[0].is_dir() or is_drive(paths[0])):
+        return None
+    found: list[Path] = []
+    for path in paths:
+        if not path.is_dir() or is_drive(path):
+            found.append(path)
+            continue
+        inside = sorted(entry for entry in path.iterdir() if is_drive(entry))
+        if not inside:
+            raise UserError(f"{path}: holds no drive; CSV files, bags or CAN logs are expected")
+        found += inside
+    return found
+
+
+def attempt(evaluate: Callable, path: Path, question: object) -> dict:
+    """The figures of one drive, or why there are none: one bad drive does not stop the rest."""
+    try:
+        drive, result = evaluate(path, question)
+    except UserError as error:
+        return {"drive": str(path), "error": str(error)}
+    return {**result, "warnings": list(drive.warnings)}
+
+
+def _key(path: Path, question: object) -> str:
+    """Names a drive as it is now, and what is asked of it."""
+    try:
+        status = path.stat()
+        state = f"{status.st_mtime_ns} {status.st_size}"
+    except OSError:
+        state = "not there"
+    return hashlib.sha256(f"{path.resolve()} {state} {question}".encode()).hexdigest()
+
+
+def journal_file(out: Path | None, paths: list[Path]) -> Path:
+    """Where results are kept until all are there: beside the output, or with the user's others."""
+    if out is not None:
+        return out.with_name(f".{out.name}.journal")
+    name = hashlib.sha256("\0".join(str(p.resolve()) for p in paths).encode()).hexdigest()[:16]
+    return Path(tempfile.gettempdir()) / f"lfd-{os.getuid()}" / f"{name}.journal"
+
+
+def evaluate_all(
+    paths: list[Path],
+    question: object,
+    evaluate: Callable,
+    out: Path | None,
+    jobs: int,
+    scheduler: str | None,
+) -> list[dict]:
+    """What each drive showed, in the order of the paths; writes it to `out`.
+
+    An interrupted run goes on where it stopped. Raises UserError for an unknown scheduler.
+    """
+    tasks = [Task(_key(path, question), attempt, (evaluate, path, question)) for path in paths]
+    kept = journal_file(out, paths)
+    journal = Journal(kept)
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with (
+        Progress(
+            *columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal
+        ) as progress,
+        workers(jobs, scheduler) as pool,
+    ):
+        bar = progress.add_task("evaluating", total=len(tasks))
+        results = run_tasks(tasks, journal, pool, lambda: progress.advance(bar))
+    ordered = [results[task.key] for task in tasks]
+    if out is not None:
+        write_text(out, json.dumps(together(ordered), indent=1, allow_nan=False) + "\n")
+    kept.unlink(missing_ok=True)
+    return ordered
+
+
+def together(results: list[dict]) -> dict:
+    """All drives as one: hours, and per sensor windows found and false events."""
+    good = [result for result in results if "error" not in result]
+    sensors = {}
+    for name in SIGNALS:
+        figures = [result["sensors"][name] for result in good]
+        windows = [window for own in figures for window in own["windows"]]
+        sensors[name] = {
+            "windows": len(windows),
+            "found": sum(window["found"] for window in windows),
+            "false_events": sum(own["false_events"] for own in figures),
+        }
+    return {
+        "drives": results,
+        "failed": len(results) - len(good),
+        "hours": round(sum(result["duration_s"] for result in good) / 3600.0, 6),
+        "sensors": sensors,
+    }
+
+
+def many_table(results: list[dict], profile: str) -> Table:
+    """One line per drive, as people read it."""
+    summed = together(results)
+    table = Table(
+        "drive", "hours", "x real time", *(name.replace("_", " ") for name in SIGNALS),
+        title=f"{len(results)} drives, {summed['hours']:.2f} h, profile {profile}; "
+        "per sensor: windows found, false events",
+        title_justify="left",
+    )  # fmt: skip
+    for result in results:
+        if "error" in result:
+            continue
+        table.add_row(
+            Path(result["drive"]).name,
+            f"{result['duration_s'] / 3600.0:.3f}",
+            f"{result['realtime_factor']:.0f}",
+            *(_cell(result["sensors"][name]) for name in SIGNALS),
+        )
+    table.add_section()
+    table.add_row(
+        "all",
+        f"{summed['hours']:.3f}",
+        "",
+        *(
+            f"{own['found']} of {own['windows']}, {own['false_events']}"
+            for own in summed["sensors"].values()
+        ),
+    )
+    return table
+
+
+def _cell(figures: dict) -> str:
+    windows = figures["windows"]
+    found = sum(window["found"] for window in windows)
+    return f"{found} of {len(windows)}, {figures['false_events']}"
+
+
+def say_failures(results: list[dict]) -> int:
+    """Name the drives that could not be evaluated; returns the exit status."""
+    failed = [result for result in results if "error" in result]
+    for result in failed:
+        print(f"error: {result['error']}", file=sys.stderr)
+    return 2 if failed else 0

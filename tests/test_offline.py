@@ -1,0 +1,171 @@
+"""Whole drives in one compiled loop: the same as step by step, one drive or many."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lfd_mpc.sampling import HOST_SPEED
+from lfd_replay.drive_bag import write_drive
+from lfd_replay.evaluate import main_evaluate
+from lfd_replay.evaluate_many import journal_file
+from lfd_replay.faults import FaultInjector, parse_faults
+from lfd_replay.generated.generate import generate_drive
+from lfd_replay.offline import CHUNK, OfflineGraph
+from lfd_replay.profiles import PROFILES, GraphSettings, graph_settings
+
+
+def free_port() -> int:
+    """A port that nobody listens at."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+FAULTS = (
+    "offset:clearance=4,relative_velocity=-10@12-16;dropout:radar@18-19;dropout:acceleration@22-23;"
+    "hold:acceleration@26-29;offset:acceleration=-4@33-36;zero:host_speed@39-41;"
+    "noise:clearance=1@44-47"
+)
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("solver", ["active_set", "proxqp"])
+def test_every_step_of_the_loop_says_what_the_nodes_cores_say(profile: str, solver: str) -> None:
+    drive = generate_drive("stop-and-go", 3, "esr")
+    samples = FaultInjector(parse_faults([FAULTS]), drive.zero, 0).apply(drive.samples)
+    chosen = graph_settings(profile)
+    settings = GraphSettings(
+        chosen.mpc.model_copy(update={"solver": solver}), chosen.bank, chosen.diagnosis
+    )
+    stepped = [step.outcome for step in OfflineGraph(settings).run(samples)]
+    graph = OfflineGraph(settings)
+    looped = [outcome for rows in graph.rows(samples) for outcome in graph.outcomes(rows)]
+    assert len(stepped) > CHUNK, "more than one array of rows"
+    # As text, since NaN equals nothing: states, indices, confidences, reasons and events.
+    assert list(map(str, looped)) == list(map(str, stepped))
+    assert {o.report.radar.state for o in looped} >= {1, 3, 4}
+
+
+def test_rows_carry_the_horizons() -> None:
+    drive = generate_drive("data-1", 1, "esr")
+    samples = [s for s in drive.samples[:3000] if s.input != HOST_SPEED]
+    settings = graph_settings("robust")
+    horizons = [step.horizon for step in OfflineGraph(settings).run(samples)]
+    rows = np.concatenate(list(OfflineGraph(settings).rows(samples)))
+    assert len(rows) == len(horizons) > 1000
+    for name in ("stamp", "clearance", "command", "residual", "host_speed_age", "valid"):
+        expected = [getattr(horizon, name) for horizon in horizons]
+        np.testing.assert_array_equal(rows["horizon"][name], expected, err_msg=name)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Three drives, and one that is none."""
+    made = tmp_path_factory.mktemp("drives")
+    for number in (1, 2, 3):
+        write_drive(generate_drive(f"normal-{number:02d}", 1, "esr"), made / f"{number}.mcap")
+    (made / "bad.csv").write_text("t_s\n")
+    return made
+
+
+EVALUATE = [sys.executable, "-c", "from lfd_replay.evaluate import main; exit(main())"]
+ARGUMENTS = ["--fault", "offset:clearance=4@30-40", "--jobs", "2"]
+
+
+def check_together(file: Path) -> None:
+    result = json.loads(file.read_text())
+    assert [Path(d["drive"]).name for d in result["drives"]] == [
+        "1.mcap",
+        "2.mcap",
+        "3.mcap",
+        "bad.csv",
+    ]
+    assert result["failed"] == 1 and "is empty" in result["drives"][3]["error"]
+    assert result["sensors"]["clearance"] == {"windows": 3, "found": 3, "false_events": 0}
+    assert result["hours"] == pytest.approx(
+        sum(d["duration_s"] for d in result["drives"][:3]) / 3600, abs=1e-6
+    )
+
+
+def test_a_bad_drive_is_named_and_does_not_stop_the_rest(folder, tmp_path, capfd) -> None:
+    out = tmp_path / "all.json"
+    assert main_evaluate([str(folder), *ARGUMENTS, "--json", str(out)]) == 2
+    check_together(out)
+    printed = capfd.readouterr()
+    assert "3 of 3, 0" in printed.out and "bad.csv: is empty" in printed.err
+    assert not journal_file(out, []).exists(), "nothing is left behind"
+
+
+def test_an_interrupted_run_goes_on_where_it_stopped(folder, tmp_path, monkeypatch) -> None:
+    out = tmp_path / "all.json"
+    kept = journal_file(out, [])
+    command = [*EVALUATE, str(folder), *ARGUMENTS[:2]]
+    running = subprocess.Popen(
+        [*command, "--jobs", "1", "--json", str(out)], stdout=subprocess.DEVNULL
+    )
+    deadline = time.monotonic() + 120.0
+    while not kept.is_file() or len(kept.read_text().splitlines()) < 2:
+        assert time.monotonic() < deadline and running.poll() is None
+        time.sleep(0.02)
+    running.send_signal(signal.SIGINT)
+    assert running.wait(timeout=60.0) == 130 and not out.exists()
+    done = {json.loads(line)["key"] for line in kept.read_text().splitlines()[1:] if line}
+    assert done
+    # What is kept is not evaluated again: it is taken as it stands in the journal.
+    text = kept.read_text()
+    kept.write_text(text.replace('"duration_s"', '"from_journal": true, "duration_s"'))
+    assert main_evaluate([str(folder), *ARGUMENTS, "--json", str(out)]) == 2
+    drives = json.loads(out.read_text())["drives"]
+    assert sum(d.get("from_journal", False) for d in drives) == len(done)
+    assert len(drives) == 4
+
+
+def test_a_folder_without_drives_and_a_wrong_scheduler_are_refused(tmp_path, folder, capfd) -> None:
+    empty = subprocess.run([*EVALUATE, str(tmp_path)], capture_output=True, text=True)
+    assert empty.returncode == 2 and "holds no drive" in empty.stderr
+    nobody = f"tcp://127.0.0.1:{free_port()}"
+    refused = subprocess.run(
+        [*EVALUATE, str(folder), "--scheduler", nobody], capture_output=True, text=True
+    )
+    assert refused.returncode == 2 and "no Dask scheduler answers" in refused.stderr
+    assert "Traceback" not in refused.stderr
+
+
+def test_drives_are_evaluated_behind_a_dask_scheduler(folder, tmp_path) -> None:
+    """Two workers in processes of their own."""
+    port = free_port()
+    address = f"tcp://127.0.0.1:{port}"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": tmp_path}
+    scheduler = [
+        *(sys.executable, "-m", "distributed.cli.dask_scheduler"),
+        *("--host", "127.0.0.1", "--port", str(port), "--no-dashboard"),
+    ]
+    worker = [
+        *(sys.executable, "-m", "distributed.cli.dask_worker", address),
+        *("--nthreads", "1", "--no-dashboard", "--no-nanny"),
+    ]
+    started = [subprocess.Popen(scheduler, **quiet)]
+    started += [subprocess.Popen(worker, **quiet) for _ in range(2)]
+    try:
+        from distributed import Client
+
+        with Client(address, timeout="60s") as client:
+            client.wait_for_workers(2, timeout=60)
+            assert len(set(client.run(os.getpid).values())) == 2
+        out = tmp_path / "all.json"
+        arguments = [*ARGUMENTS[:2], "--scheduler", address, "--json", str(out)]
+        assert main_evaluate([str(folder), *arguments]) == 2
+        check_together(out)
+    finally:
+        # The scheduler last: a worker that loses it tries for long to find it again.
+        for process in reversed(started):
+            process.terminate()
+            process.wait(timeout=30.0)
