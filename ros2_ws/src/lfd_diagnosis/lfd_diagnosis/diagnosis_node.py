@@ -15,7 +15,7 @@ from lfd_diagnosis.pairing import Pair, Pairing
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.silence import SilenceWatch
 from lfd_diagnosis.verdict import Event, Report
-from lfd_mpc.horizon import Horizon
+from lfd_mpc.horizon import Horizon, first_horizon
 from lfd_mpc.messages import from_message, from_time, to_message
 from lfd_mpc.node_support import PIPELINE_QOS, ReadyAnnouncer, declare_settings, run_node
 from lfd_msgs.msg import (
@@ -40,7 +40,9 @@ class DiagnosisNode(Node):
     def __init__(self, context: Context | None = None, **node_options) -> None:
         """Raises UserError for parameters that cannot work."""
         super().__init__("diagnosis_node", context=context, **node_options)
-        self._core = make_diagnosis(declare_settings(self, DiagnosisSettings))
+        settings = declare_settings(self, DiagnosisSettings)
+        make_diagnosis(DiagnosisSettings(profile=settings.profile)).step(first_horizon(), None)
+        self._core = make_diagnosis(settings)
         self._pairing = Pairing()
         self._faults = self.create_publisher(FaultReport, "diagnosis/faults", PIPELINE_QOS)
         self._events = self.create_publisher(FaultEvent, "diagnosis/events", EVENT_QOS)

@@ -12,8 +12,6 @@ from math import isfinite, sqrt
 from typing import NamedTuple
 
 import numpy as np
-import proxsuite
-import qpsolvers
 from numpy.typing import NDArray
 
 from lfd_mpc.compiled import entry, inner
@@ -56,6 +54,8 @@ class BoxSolution:
 
 def available_solvers() -> list[str]:
     """Names that `BoxQp` accepts here; the first is the default."""
+    import qpsolvers
+
     others = set(qpsolvers.available_solvers) - {PROXQP}
     return [DEFAULT_SOLVER, PROXQP, *sorted(others)]
 
@@ -200,7 +200,7 @@ class BoxQp:
 
         Raises ValueError for an unknown solver name or limits that exclude each other.
         """
-        if solver not in available_solvers():
+        if solver != DEFAULT_SOLVER and solver not in available_solvers():
             raise ValueError(
                 f"solver '{solver}' is not available; available: {', '.join(available_solvers())}"
             )
@@ -244,6 +244,8 @@ class BoxQp:
         return np.inf if u is None else _residual(self.problem, np.ascontiguousarray(u), f)
 
     def _by_proxqp(self) -> Callable[[Array], Array | None]:
+        import proxsuite
+
         P, _, lower, upper = self.problem
         n = len(lower)
         qp = proxsuite.proxqp.dense.QP(n, 0, 0, True)
@@ -265,6 +267,9 @@ class BoxQp:
         P, _, lower, upper = self.problem
 
         def solve(f: Array) -> Array | None:
+            # Imported when it is needed: that takes a node longer than all else but rclpy.
+            import qpsolvers
+
             try:
                 u = qpsolvers.solve_qp(P, f, lb=lower, ub=upper, solver=name)
             except (qpsolvers.QPError, ValueError, ArithmeticError):

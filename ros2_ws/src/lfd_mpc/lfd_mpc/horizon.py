@@ -20,9 +20,12 @@ from lfd_mpc.controller import (
     roll_out,
 )
 from lfd_mpc.sampling import (
+    ACCELERATION,
     STEP_INPUTS,
     Sample,
     Sampler,
+    ScalarSample,
+    is_due,
     next_step,
     restart_reason,
     take_clock,
@@ -304,7 +307,8 @@ def finish_step(model, state, status, residual, fell_back, plan, states):
 
 @entry
 def _mpc_step(sampler, model, state, f, plan, states):
-    return mpc_step(sampler[0], model, state[0], f, plan, states)
+    progress = mpc_step(sampler[0], model, state[0], f, plan, states)
+    return progress, is_due(sampler[0])
 
 
 @entry
@@ -313,6 +317,14 @@ def _finish_step(model, state, status, residual, fell_back, plan, states):
 
 
 _STATUS = {text: status for status, text in STATUS_TEXTS.items()}
+
+
+def first_horizon() -> Horizon:
+    """A horizon with nothing in it, for cores to be called with before the first real one.
+
+    What was compiled is loaded at the first call; no message needs to wait for that.
+    """
+    return Mpc(MpcSettings()).push(ScalarSample(ACCELERATION, 0, 0.0))[0]
 
 
 class Mpc:
@@ -327,8 +339,7 @@ class Mpc:
 
     def push(self, sample: Sample) -> list[Horizon]:
         """Take one sample; returns the steps that it releases."""
-        self.sampler.take(sample)
-        return self._steps()
+        return self._steps() if self.sampler.take(sample) else []
 
     def clock(self, stamp: int) -> list[Horizon]:
         """The clock has reached `stamp` (ns); returns the steps that this releases."""
@@ -351,27 +362,30 @@ class Mpc:
         )
 
     def _steps(self) -> list[Horizon]:
-        made = []
-        while True:
-            n = self.controller.steps
+        made: list[Horizon] = []
+        due = True
+        n = self.controller.steps
+        while due:
             plan, states = np.empty(n), np.empty((n, 2))
             start = time.perf_counter()
-            arguments = self.sampler.state, self.controller.model, self.state
-            progress = _mpc_step(*arguments, self._f, plan, states)
+            progress, due = _mpc_step(
+                self.sampler.state, self.controller.model, self.state, self._f, plan, states
+            )
             if progress == Progress.NO_STEP:
-                return made
+                break
             if progress == Progress.UNSOLVED:
                 self.solve_outside(self._f, plan, states)
             self.state["horizon"]["solve_time"][0] = time.perf_counter() - start
-            made.append(self.horizon(plan, states))
+            made.append(self._horizon(plan, states))
+        return made
 
-    def horizon(self, plan: NDArray, states: NDArray) -> Horizon:
+    def _horizon(self, plan: NDArray, states: NDArray) -> Horizon:
         """The step that was made last, with its plan (N,) and prediction (N, 2)."""
         state = self.state[0]
-        record, inputs = state["horizon"], state["inputs"]
-        values = dict(zip(HORIZON_FIELDS, record.item(), strict=True))
+        inputs = state["inputs"]
+        values = dict(zip(HORIZON_FIELDS, state["horizon"].item(), strict=True))
         valid = values["valid"]
-        return Horizon(
+        made = Horizon(
             restart_reason=restart_reason(inputs),
             sensor_text=self.sampler.texts.text(int(inputs["text"])),
             solver_status=STATUS_TEXTS[int(state["status"])],
@@ -380,3 +394,8 @@ class Mpc:
             input_sequence=plan if valid else NOTHING,
             **values,
         )
+        # They are at hand, and need not be put together again.
+        made.__dict__["record"] = np.frombuffer(bytearray(state["horizon"].tobytes()), HORIZON)
+        if valid:
+            made.__dict__["states"] = states
+        return made

@@ -17,7 +17,7 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Header
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.horizon import Horizon, Mpc
+from lfd_mpc.horizon import Horizon, Mpc, first_horizon
 from lfd_mpc.messages import from_time, radar_sample, to_message, to_time
 from lfd_mpc.node_support import (
     PIPELINE_QOS,
@@ -83,6 +83,7 @@ class MpcNode(Node):
         super().__init__("mpc_node", context=context, **node_options)
         receipts = self.declare_parameter("receipts", False, RECEIPTS_PARAMETER).value
         settings = declare_settings(self, MpcSettings)
+        first_horizon()
         try:
             self._core = Mpc(settings)
         except ValueError as error:

@@ -471,10 +471,19 @@ def push_sample(sampler, sample):
         _continue(sampler, sample)
 
 
+@inner
+def is_due(sampler):
+    """Whether `next_step` may have a step to give."""
+    epoch = sampler.epoch
+    due = sampler.releasing and not (epoch.stepping and epoch.next_step > sampler.limit)
+    return due or sampler.held_count > 0
+
+
 @entry
 def take_sample(samplers, samples):
-    """`push_sample` for callers from outside."""
+    """`push_sample` for callers from outside; returns whether a step is due."""
     push_sample(samplers[0], samples[0])
+    return is_due(samplers[0])
 
 
 @entry
@@ -717,10 +726,10 @@ class Sampler:
         self._sample = make_state(SAMPLE)
         self._inputs = make_state(STEP_INPUTS)
 
-    def take(self, sample: Sample) -> None:
-        """Take one sample, for `next_step` to give the steps that it releases."""
+    def take(self, sample: Sample) -> bool:
+        """Take one sample; whether `next_step` may have steps to give for it."""
         self._sample[0] = sample_fields(sample, self.texts)
-        take_sample(self.state, self._sample)
+        return take_sample(self.state, self._sample)
 
     def push(self, sample: Sample) -> list[StepInputs]:
         """Take one sample and return the steps that it releases, oldest first."""

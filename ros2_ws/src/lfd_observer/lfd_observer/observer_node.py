@@ -5,7 +5,7 @@ import sys
 from rclpy.context import Context
 from rclpy.node import Node
 
-from lfd_mpc.horizon import Horizon
+from lfd_mpc.horizon import Horizon, first_horizon
 from lfd_mpc.messages import from_message, to_message
 from lfd_mpc.node_support import PIPELINE_QOS, ReadyAnnouncer, declare_settings, run_node
 from lfd_msgs.msg import ObserverBank as ObserverBankMessage
@@ -20,7 +20,9 @@ class ObserverNode(Node):
     def __init__(self, context: Context | None = None, **node_options) -> None:
         """Raises UserError for parameters that cannot work."""
         super().__init__("observer_node", context=context, **node_options)
-        self._core = ObserverBank(declare_settings(self, BankSettings))
+        settings = declare_settings(self, BankSettings)
+        ObserverBank(BankSettings()).step(first_horizon())
+        self._core = ObserverBank(settings)
         self._bank = self.create_publisher(ObserverBankMessage, "observer/bank", PIPELINE_QOS)
         self.create_subscription(PredictionHorizon, "mpc/horizon", self._on_horizon, PIPELINE_QOS)
         ReadyAnnouncer(self, ["mpc/horizon"])
