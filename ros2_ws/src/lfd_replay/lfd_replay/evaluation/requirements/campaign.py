@@ -217,7 +217,7 @@ def ablation_runs(extent: Extent, recorded: bool) -> dict[str, list[Run]]:
         "noise": [
             run
             for signal, value in KINDS["noise"].items()
-            for run in plan.spread("noise", ((signal, value),), drive, (1,))
+            for run in plan.spread("noise", ((signal, value),), drive, (1,), signed=False)
         ],
         "ramps": [
             run
