@@ -8,7 +8,7 @@ PROFILE ?= robust
 FULL ?=
 RECORDED ?= ../shared/data
 
-.PHONY: setup replay evaluate test lint parameters clean
+.PHONY: setup replay evaluate bench test lint parameters clean
 
 setup:
 	@command -v git >/dev/null || { echo "setup: missing: git" >&2; exit 1; }
@@ -20,6 +20,9 @@ replay: setup
 
 evaluate: setup
 	@./run lfd_replay paper_evaluation --out out/evaluate --recorded '$(RECORDED)' $(if $(filter-out 0,$(FULL)),--full)
+
+bench: setup
+	@tools/in_workspace python benchmarks/run.py --out out/bench $(if $(filter-out 0,$(FULL)),--full)
 
 test: setup
 	@tools/test

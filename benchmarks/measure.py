@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from math import isfinite
 from statistics import median
 
 import numpy as np
@@ -25,8 +26,8 @@ class Figure:
     met: bool | None
 
     def as_dict(self) -> dict:
-        """For the summary."""
-        return asdict(self)
+        """For the summary; a ratio to nothing is null."""
+        return {**asdict(self), "ratio": self.ratio if isfinite(self.ratio) else None}
 
 
 def against(
@@ -39,10 +40,10 @@ def against(
     met: Callable[[float, float], bool] | None = None,
 ) -> Figure:
     """A figure; `met` is asked with the value and the ratio."""
+    value, peer_value = float(value), float(peer_value)
     ratio = value / peer_value if peer_value else float("nan")
-    return Figure(
-        what, value, unit, peer, peer_value, ratio, goal, None if met is None else met(value, ratio)
-    )
+    good = None if met is None else bool(met(value, ratio))
+    return Figure(what, value, unit, peer, peer_value, ratio, goal, good)
 
 
 def in_turn(calls: dict[str, Callable[[], object]], rounds: int) -> dict[str, list[float]]:

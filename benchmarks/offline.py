@@ -66,9 +66,7 @@ def measure(seconds: float, folder: Path, root: Path) -> list[Figure]:
         goal = "at most 1.5", lambda _, ratio: ratio <= 1.5
         label = f"evaluate {seconds / 3600:g} h from MCAP, {profile}"
         peer = "rosbags reads it"
-        figures.append(
-            against(label, spent[f"mcap {profile}"], "s", peer, spent["rosbags"], *goal)
-        )
+        figures.append(against(label, spent[f"mcap {profile}"], "s", peer, spent["rosbags"], *goal))
     part = read_drive(bag).samples[: len(drive.samples) // 10]
     for profile in PROFILES:
 

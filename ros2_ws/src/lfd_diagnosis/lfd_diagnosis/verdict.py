@@ -99,7 +99,7 @@ def outcome_kind(evidence: np.dtype) -> np.dtype:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class SignalVerdict:
     """The fields, units and meanings of `lfd_msgs/SignalFault`; `since` in ns."""
 
@@ -115,7 +115,7 @@ class SignalVerdict:
     size_std: float = nan
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class Report:
     """The fields and meanings of `lfd_msgs/FaultReport`; `stamp` in ns."""
 
@@ -129,7 +129,7 @@ class Report:
     lead_acceleration: SignalVerdict
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class Event:
     """The fields and meanings of `lfd_msgs/FaultEvent`; `stamp` and `old_since` in ns."""
 
@@ -140,7 +140,7 @@ class Event:
     fault: SignalVerdict
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class Reconstruction:
     """The fields, units and meanings of `lfd_msgs/ReconstructedState`; `stamp` in ns."""
 
@@ -160,7 +160,7 @@ class Reconstruction:
     reason: str
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class Outcome:
     """Everything that the diagnosis says after one step."""
 

@@ -108,10 +108,13 @@ def solve_free(problem, f, u):
 
 
 @inner
-def _minimise_others(problem, f, side, u):
-    """Minimise over the inputs at no limit (`side` 0), by a Cholesky factor; others at theirs."""
+def _minimise_others(problem, f, side, u, others, factor, y):
+    """Minimise over the inputs at no limit (`side` 0), by a Cholesky factor; others at theirs.
+
+    `others`, `factor` and `y` are room to work in. The inner loops run along rows, without sums,
+    so that they are vectorised and round the same wherever they are compiled.
+    """
     P, n = problem.P, len(f)
-    others = np.empty(n, np.int64)
     m = 0
     for i in range(n):
         if side[i] == 0:
@@ -119,25 +122,29 @@ def _minimise_others(problem, f, side, u):
             m += 1
         else:
             u[i] = problem.lower[i] if side[i] < 0 else problem.upper[i]
-    factor, y = np.empty((m, m)), np.empty(m)
     for a in range(m):
         i = others[a]
-        for b in range(a + 1):
-            entry_ab = P[i, others[b]]
-            for c in range(b):
-                entry_ab -= factor[a, c] * factor[b, c]
-            factor[a, b] = sqrt(entry_ab) if b == a else entry_ab / factor[b, b]
-        right = -f[i]
-        for j in range(n):
-            if side[j] != 0:
-                right -= P[i, j] * u[j]
-        for c in range(a):
-            right -= factor[a, c] * y[c]
-        y[a] = right / factor[a, a]
+        y[a] = -f[i]
+        for b in range(a, m):
+            factor[a, b] = P[i, others[b]]
+    for j in range(n):
+        if side[j] != 0:
+            for a in range(m):
+                y[a] -= P[j, others[a]] * u[j]
+    for k in range(m):
+        scale = 1.0 / sqrt(factor[k, k])
+        for j in range(k, m):
+            factor[k, j] *= scale
+        y[k] *= scale
+        for i in range(k + 1, m):
+            weight = factor[k, i]
+            for j in range(i, m):
+                factor[i, j] -= weight * factor[k, j]
+            y[i] -= weight * y[k]
     for a in range(m - 1, -1, -1):
         value = y[a]
         for c in range(a + 1, m):
-            value -= factor[c, a] * u[others[c]]
+            value -= factor[a, c] * u[others[c]]
         u[others[a]] = value / factor[a, a]
 
 
@@ -146,11 +153,12 @@ def solve_at_limits(problem, f, u):
     """Solve where `u`, the answer without limits, leaves some; returns the optimality residual."""
     n = len(u)
     side, gradient = np.zeros(n, np.int64), np.empty(n)
+    others, factor, y = np.empty(n, np.int64), np.empty((n, n)), np.empty(n)
     for i in range(n):
         side[i] = (u[i] > problem.upper[i]) - (u[i] < problem.lower[i])
     residual = np.inf
     for _ in range(ROUNDS):
-        _minimise_others(problem, f, side, u)
+        _minimise_others(problem, f, side, u, others, factor, y)
         residual = optimality_residual(problem, u, f, gradient)
         if residual <= EXACT:
             break
@@ -176,7 +184,8 @@ def solve_box(problem, f, u):
 
 
 @entry
-def _solve_box(problem, f, u):
+def solve_box_entry(problem, f, u):
+    """`solve_box` for callers from outside."""
     return solve_box(problem, f, u)
 
 
@@ -222,7 +231,7 @@ class BoxQp:
         """Solve for `f` (N,); never raises: a failure has `u` None and says why."""
         u: Array | None = np.empty(len(f))
         if self._solve is None:
-            residual = _solve_box(self.problem, f, u)
+            residual = solve_box_entry(self.problem, f, u)
         else:
             if not _solve_free(self.problem, f, u):
                 u = self._solve(f)

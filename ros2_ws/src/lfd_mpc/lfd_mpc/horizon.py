@@ -124,7 +124,7 @@ MPC_STATE = np.dtype(
 """The step that was made last."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Horizon:
     """One step; the fields, units and meanings of `lfd_msgs/PredictionHorizon`.
 

@@ -88,7 +88,7 @@ def _bank_step(bank, arrays, horizon, states, answer):
     bank_step(bank[0], arrays, horizon[0], states, answer)
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class BankState:
     """The bank after one step; the fields, units and meanings of `lfd_msgs/ObserverBank`.
 
