@@ -1,9 +1,10 @@
 """A drive: what the sensors of one car said, in the order in which it is played."""
 
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
+
+import numpy as np
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.sampling import ACCELERATION, AHEAD_NS, RADAR, RadarSample, Sample
@@ -49,6 +50,13 @@ def make_drive(name: str, streams: dict[str, list[Sample]]) -> Drive:
 
 def _merge(streams: dict[str, list[Sample]]) -> list[Sample]:
     """All samples by stamp, within each stretch of time between jumps back of all inputs."""
+    stamps = {name: np.array([s.stamp for s in own], np.int64) for name, own in streams.items()}
+    if all((np.diff(own) >= 0).all() for own in stamps.values()):
+        # As nearly every drive is: nothing to be sorted out before it is sorted.
+        samples = [sample for own in streams.values() for sample in own]
+        last = np.repeat([name == ACCELERATION for name in streams], [*map(len, streams.values())])
+        order = np.lexsort((last, np.concatenate([*stamps.values()])))
+        return [samples[k] for k in order.tolist()]
     epochs = _epochs(streams)
     keyed = []
     for name, stream in streams.items():
@@ -124,16 +132,12 @@ def _oddities(streams: dict[str, list[Sample]]) -> Iterable[str]:
         bad = sum(not _finite(sample) for sample in stream)
         if bad:
             yield f"{bad} {name} samples are NaN or infinite and count as no sample"
-        steps = Counter(
-            "backward" if b.stamp < a.stamp else "repeated"
-            for a, b in zip(stream, stream[1:], strict=False)
-            if b.stamp <= a.stamp
-        )
-        for what, count in sorted(steps.items()):
-            yield f"{count} {name} stamps are {what}"
-        gaps = [b.stamp - a.stamp for a, b in zip(stream, stream[1:], strict=False)]
-        if gaps and max(gaps) > AHEAD_NS:
-            yield f"{name} is silent for up to {max(gaps) * 1e-9:.2f} s"
+        gaps = np.diff(np.array([sample.stamp for sample in stream], np.int64))
+        for what, count in (("backward", (gaps < 0).sum()), ("repeated", (gaps == 0).sum())):
+            if count:
+                yield f"{count} {name} stamps are {what}"
+        if len(gaps) and gaps.max() > AHEAD_NS:
+            yield f"{name} is silent for up to {gaps.max() * 1e-9:.2f} s"
 
 
 def _finite(sample: Sample) -> bool:

@@ -1,6 +1,7 @@
 """Any drive by its path: CSV file, bag, CAN log or a folder of a public data set."""
 
 import argparse
+import gc
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
@@ -166,8 +167,16 @@ def without_offset(path: Path, streams: dict[str, list[Sample]]) -> dict[str, li
 
 def read_drive(path: Path, options: ReadOptions | None = None) -> Drive:
     """Read a drive. Raises UserError with one clear line for anything that is not one."""
-    streams, remarks = read_streams(path, options)
-    drive = make_drive(str(path), streams)
+    # Hundreds of thousands of samples, none of them part of a cycle: looking for such takes longer
+    # than reading.
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        streams, remarks = read_streams(path, options)
+        drive = make_drive(str(path), streams)
+    finally:
+        if collecting:
+            gc.enable()
     return replace(drive, warnings=(*remarks, *drive.warnings))
 
 

@@ -13,7 +13,6 @@ from lfd_mpc.sampling import (
     RADAR,
     RadarSample,
     Sample,
-    ScalarSample,
 )
 from lfd_msgs.msg import RadarTarget
 
@@ -34,6 +33,11 @@ class SamplePublishers:
             LEAD_ACCELERATION: (AccelStamped, "v2v/lead_acceleration"),
         }
         self._publishers = {name: node.create_publisher(*kinds[name], qos) for name in inputs}
+        # One of each, filled again and again: what is published is copied at once.
+        self._radar, self._imu = RadarTarget(), Imu()
+        self._twist, self._lead = TwistStamped(), AccelStamped()
+        # Only the acceleration is known.
+        self._imu.orientation_covariance[0] = self._imu.angular_velocity_covariance[0] = -1.0
 
     @property
     def topics(self) -> list[str]:
@@ -42,33 +46,23 @@ class SamplePublishers:
 
     def publish(self, sample: Sample) -> None:
         """Publish one sample on the topic of its input."""
-        message = _radar(sample) if isinstance(sample, RadarSample) else _scalar(sample)
+        message = self._message(sample)
         message.header.stamp = to_time(sample.stamp)
         self._publishers[sample.input].publish(message)
 
-
-def _radar(sample: RadarSample) -> RadarTarget:
-    return RadarTarget(
-        track_id=sample.track_id,
-        has_target=sample.has_target,
-        clearance=sample.clearance,
-        relative_velocity=sample.relative_velocity,
-        sensor_flags=sample.sensor_flags,
-        sensor_text=sample.sensor_text,
-    )
-
-
-def _scalar(sample: ScalarSample) -> Imu | TwistStamped | AccelStamped:
-    if sample.input == HOST_SPEED:
-        twist = TwistStamped()
-        twist.twist.linear.x = sample.value
-        return twist
-    if sample.input == LEAD_ACCELERATION:
-        lead = AccelStamped()
-        lead.accel.linear.x = sample.value
-        return lead
-    imu = Imu()
-    imu.linear_acceleration.x = sample.value
-    # Only the acceleration is known.
-    imu.orientation_covariance[0] = imu.angular_velocity_covariance[0] = -1.0
-    return imu
+    def _message(self, sample: Sample) -> RadarTarget | Imu | TwistStamped | AccelStamped:
+        if isinstance(sample, RadarSample):
+            radar = self._radar
+            radar.track_id, radar.has_target = sample.track_id, sample.has_target
+            radar.clearance = sample.clearance
+            radar.relative_velocity = sample.relative_velocity
+            radar.sensor_flags, radar.sensor_text = sample.sensor_flags, sample.sensor_text
+            return radar
+        if sample.input == ACCELERATION:
+            self._imu.linear_acceleration.x = sample.value
+            return self._imu
+        if sample.input == HOST_SPEED:
+            self._twist.twist.linear.x = sample.value
+            return self._twist
+        self._lead.accel.linear.x = sample.value
+        return self._lead

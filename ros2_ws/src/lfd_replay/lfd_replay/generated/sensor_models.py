@@ -26,7 +26,6 @@ from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, lfilter, sosfilt
 
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample, ScalarSample
 from lfd_replay.generated.car_following import Truth
@@ -52,18 +51,16 @@ class Noise:
         """Noise (count,) at `rate` Hz."""
         noise = generator.normal(0.0, self.white, count)
         if self.shaking:
+            # Imported where it is needed: it takes longer than all else of a replay's start.
+            from scipy.signal import butter, sosfilt
+
             sections = butter(1, self.band, "band", fs=rate, output="sos")
             shaking = sosfilt(sections, generator.normal(size=count + SETTLING))[SETTLING:]
-            gain = _gain(sections)
+            impulse = np.zeros(4000)
+            impulse[0] = 1.0
+            gain = np.sqrt(np.sum(sosfilt(sections, impulse) ** 2))
             noise += self.shaking / gain * shaking
         return noise
-
-
-def _gain(sections: Array) -> float:
-    """Standard deviation of unit white noise after a filter."""
-    impulse = np.zeros(4000)
-    impulse[0] = 1.0
-    return float(np.sqrt(np.sum(sosfilt(sections, impulse) ** 2)))
 
 
 @dataclass(frozen=True)
@@ -238,6 +235,8 @@ SENSORS = {
 
 def _remembering(count: int, rms: float, keep: float, generator: np.random.Generator) -> Array:
     """Noise (count,) of which a share `keep` stays from sample to sample, `rms` from the start."""
+    from scipy.signal import lfilter
+
     pushes = generator.normal(0.0, rms * np.sqrt(1.0 - keep**2), count)
     if count:
         pushes[0] = generator.normal(0.0, rms)
