@@ -557,7 +557,7 @@ def _against_report(monitor, settings, lead_report):
     own = monitor.lead - monitor.lead_slow
     sigma = settings.acceleration_sigma
     limit = max(settings.acceleration_limit, sigma * deviation(monitor.report_noise))
-    if abs(residual) < LEAST * limit and monitor.ticks % 10 == 0:
+    if abs(residual) < 0.8 * limit and monitor.ticks % 10 == 0:
         learn_noise(monitor.report_noise, residual, 0.0)
     if own * residual < 0.0 or abs(own) < OWN_SHARE * abs(residual):
         residual = 0.0

@@ -226,7 +226,9 @@ def kind_rows(kinds: dict[str, dict[str, dict[str, int]]]) -> Rows:
     ]
 
 
-MECHANISM_COLUMNS = ("switched off", "on", "found", "blamed", "late clear", "false", "ready")
+MECHANISM_COLUMNS = (
+    "switched off", "on", "found", "flagged 97 %", "blamed", "late clear", "false", "ready",
+)  # fmt: skip
 
 
 def mechanism_rows(ablation: dict[str, dict[str, dict[str, float]]]) -> Rows:
@@ -242,6 +244,7 @@ def mechanism_rows(ablation: dict[str, dict[str, dict[str, float]]]) -> Rows:
                     name,
                     title,
                     f"{figures['found']:.1%} of {figures['signals']}",
+                    f"{figures['flagged']:.1%}",
                     f"{figures['blamed']}",
                     f"{figures['stuck']}",
                     f"{figures['false']}",
