@@ -33,7 +33,7 @@ def parts(full: bool, work: Path) -> dict:
     recorded = RECORDED if RECORDED.is_file() else None
     return {
         "solve": lambda: solve.measure(recorded, 2000 if full else 500),
-        "step": lambda: step.measure(60.0 if full else 20.0),
+        "step": lambda: step.measure(120.0 if full else 60.0),
         "offline": lambda: offline.measure(3600.0, work, ROOT),
         "live": lambda: live.measure(600.0 if full else 20.0, 4 if full else 2, ROOT),
         "lockstep": lambda: graph.lockstep(60.0 if full else 20.0, work, ROOT),

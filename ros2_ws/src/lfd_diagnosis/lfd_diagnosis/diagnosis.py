@@ -33,7 +33,6 @@ from lfd_diagnosis.robust_diagnosis import (
 )
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import (
-    RECONSTRUCTED,
     VERDICTS,
     Event,
     Kind,
@@ -98,9 +97,10 @@ class Diagnosis(ABC):
         Raises ValueError when the horizon's length is not the diagnosis's.
         """
         self._step(horizon, bank)
-        if self.outcome["starts_anew"][0]:
+        said = self._unpack(self.outcome[0])
+        if said.starts_anew:
             self._anew_because = self.anew_because(horizon.restart_reason, horizon.solver_status)
-        return self.outcome_of(self.outcome[0], self._anew_because, horizon.sensor_text)
+        return self._outcome(said, self._anew_because, horizon.sensor_text)
 
     def silence(self, stamp: int) -> tuple[Report, list[Event]]:
         """Nothing arrives at all: the report (of no step) that says so at `stamp` (ns)."""
@@ -115,15 +115,13 @@ class Diagnosis(ABC):
 
     def outcome_of(self, outcome: np.void, anew_because: str, sensor_text: str) -> Outcome:
         """A record of an outcome with everything that is said."""
-        said = self._unpack(outcome)
+        return self._outcome(self._unpack(outcome), anew_because, sensor_text)
+
+    def _outcome(self, said: Any, anew_because: str, sensor_text: str) -> Outcome:
         report, events = self._report(said, anew_because, sensor_text)
         missing = self.missing(self.settings, said, anew_because)
-        reconstruction = Reconstruction(
-            stamp=said.stamp,
-            step=said.step,
-            reason=missing,
-            **dict(zip(RECONSTRUCTED.names or (), said.reconstructed, strict=True)),
-        )
+        # The record has the fields of the class, in the same order.
+        reconstruction = Reconstruction(said.stamp, said.step, *said.reconstructed, missing)
         return Outcome(report, events, reconstruction)
 
     def _report(self, said: Any, anew_because: str, sensor_text: str) -> tuple[Report, list[Event]]:
@@ -148,17 +146,18 @@ class Diagnosis(ABC):
 
 
 def _verdict(said: Any, reason: str) -> SignalVerdict:
+    state, kind, confidence, confidence_threshold, index, threshold, since, size, size_std = said
     return SignalVerdict(
-        state=STATES[said.state],
-        index=said.index,
-        threshold=said.threshold,
-        confidence=said.confidence,
-        confidence_threshold=said.confidence_threshold,
-        since=said.since,
-        reason=reason,
-        kind=KINDS[said.kind],
-        size=said.size,
-        size_std=said.size_std,
+        STATES[state],
+        index,
+        threshold,
+        confidence,
+        confidence_threshold,
+        since,
+        reason,
+        KINDS[kind],
+        size,
+        size_std,
     )
 
 

@@ -76,7 +76,13 @@ def robust_reasons(
     evidence = said.evidence
     if evidence.silent:
         return {name: "nothing arrives at all" for name in VERDICTS if name != "radar"}
-    filling = _filling(evidence.scans, anew_because)
+    filling = ""
+    if State.NOT_READY in (
+        said.clearance.state,
+        said.relative_velocity.state,
+        said.acceleration.state,
+    ):
+        filling = _filling(evidence.scans, anew_because)
     says = f"; the radar says: {sensor_text}" if sensor_text else ""
     return {
         "clearance": _radar_signal(

@@ -385,17 +385,18 @@ class Mpc:
         inputs = state["inputs"]
         values = dict(zip(HORIZON_FIELDS, state["horizon"].item(), strict=True))
         valid = values["valid"]
-        made = Horizon(
+        made = Horizon.__new__(Horizon)
+        # All fields at once: one after the other they would take longer than the step itself.
+        vars(made).update(
+            values,
             restart_reason=restart_reason(inputs),
             sensor_text=self.sampler.texts.text(int(inputs["text"])),
             solver_status=STATUS_TEXTS[int(state["status"])],
             predicted_clearance=states[:, 0] if valid else NOTHING,
             predicted_relative_velocity=states[:, 1] if valid else NOTHING,
             input_sequence=plan if valid else NOTHING,
-            **values,
+            record=np.frombuffer(bytearray(state["horizon"].tobytes()), HORIZON),
         )
-        # They are at hand, and need not be put together again.
-        made.__dict__["record"] = np.frombuffer(bytearray(state["horizon"].tobytes()), HORIZON)
         if valid:
-            made.__dict__["states"] = states
+            vars(made)["states"] = states
         return made

@@ -22,7 +22,13 @@ from lfd_replay.evaluate_many import drives_of, evaluate_all, many_table, say_fa
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, GraphSettings, graph_settings
-from lfd_replay.read_drive import ReadOptions, add_read_options, read_drive, read_options
+from lfd_replay.read_drive import (
+    ReadOptions,
+    add_read_options,
+    read_drive,
+    read_options,
+    without_collector,
+)
 from lfd_replay.report import write_report
 from lfd_replay.score import (
     SUMMARY_COLUMNS,
@@ -89,9 +95,10 @@ class Question:
 def evaluate_drive(path: Path, question: Question) -> tuple[Drive, dict]:
     """The drive and the contract's figures. Raises UserError for what is no drive."""
     started = time.perf_counter()
-    drive = read_drive(path, question.reading)
-    graph = OfflineGraph(question.settings)
-    line = row_timeline(graph.rows(_with_faults(drive, question)), drive.zero)
+    with without_collector():
+        drive = read_drive(path, question.reading)
+        graph = OfflineGraph(question.settings)
+        line = row_timeline(graph.rows(_with_faults(drive, question)), drive.zero)
     return drive, _figures(path, drive, question, line, time.perf_counter() - started)
 
 

@@ -33,7 +33,10 @@ def drives_of(paths: list[Path]) -> list[Path] | None:
             continue
         inside = sorted(entry for entry in path.iterdir() if is_drive(entry))
         if not inside:
-            raise UserError(f"{path}: holds no drive; CSV files, bags or CAN logs are expected")
+            raise UserError(
+                f"{path}: holds no drive: neither metadata.yaml (a bag) nor processed_log (a "
+                "segment), nor CSV files, bags or CAN logs (a folder of drives)"
+            )
         found += inside
     return found
 

@@ -2,7 +2,8 @@
 
 import argparse
 import gc
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
@@ -165,18 +166,24 @@ def without_offset(path: Path, streams: dict[str, list[Sample]]) -> dict[str, li
     return {**streams, ACCELERATION: changed}
 
 
-def read_drive(path: Path, options: ReadOptions | None = None) -> Drive:
-    """Read a drive. Raises UserError with one clear line for anything that is not one."""
-    # Hundreds of thousands of samples, none of them part of a cycle: looking for such takes longer
-    # than reading.
+@contextmanager
+def without_collector() -> Iterator[None]:
+    """Hundreds of thousands of samples, none of them part of a cycle: looking for cycles among
+    them takes longer than reading them."""
     collecting = gc.isenabled()
     gc.disable()
     try:
-        streams, remarks = read_streams(path, options)
-        drive = make_drive(str(path), streams)
+        yield
     finally:
         if collecting:
             gc.enable()
+
+
+def read_drive(path: Path, options: ReadOptions | None = None) -> Drive:
+    """Read a drive. Raises UserError with one clear line for anything that is not one."""
+    with without_collector():
+        streams, remarks = read_streams(path, options)
+        drive = make_drive(str(path), streams)
     return replace(drive, warnings=(*remarks, *drive.warnings))
 
 
