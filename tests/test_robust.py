@@ -363,6 +363,25 @@ def test_an_offset_that_can_no_longer_be_told_says_so_and_stays(car: Car) -> Non
     assert not car.faults_since(end)
 
 
+@pytest.mark.parametrize("outlier", [None, "before", "after"])
+def test_a_long_fault_ends_with_its_jump_back_whatever_became_of_the_reference(
+    car: Car, outlier: str | None
+) -> None:
+    """The lead brakes while both signals are faulty, so that the coasted track is far off."""
+    fault = {"clearance": -4.0, "relative_velocity": 5.0}
+    car.lead_acceleration = -0.4
+    car.drive(12.0, **fault)
+    while car.number % SCAN:
+        car.step(**fault)
+    spike = {"clearance": fault["clearance"] - 3.0, "relative_velocity": 5.0}
+    for _ in range(SCAN):
+        car.step(**(spike if outlier == "before" else fault))
+    for _ in range(SCAN):
+        car.step(**({"clearance": -3.0} if outlier == "after" else {}))
+    report = car.drive(1.5).report
+    assert {report.clearance.state, report.relative_velocity.state} == {State.OK}
+
+
 def test_without_latch_agreement_alone_clears(car: Car) -> None:
     car.diagnosis = RobustDiagnosis(DiagnosisSettings(latch=False))
     car.drive(8.0)

@@ -541,7 +541,7 @@ def _requalify(radar, settings, signal, measured, of_clearance):
     if of_clearance:
         step -= track.velocity * period
     if not radar.lost:
-        if has_returned(signal, step):
+        if has_returned(signal):
             _rebase(track, signal, measured.value, of_clearance)
         elif has_stopped(signal, measured.at, settings.requalify_time):
             _rebase(track, signal, measured.value, of_clearance)

@@ -33,8 +33,8 @@ disagreeing scans of three make a fault, one alone is an outlier."""
 FIRST = 10
 """Residuals from which the size of a jump is taken."""
 
-RECENT = 5
-"""Residuals that a jump back must stand out from."""
+BEFORE, AFTER = 6, 3
+"""Residuals that a jump back must stand out from, and those that must have jumped."""
 
 SIZE_TIME = 0.3
 """Time constant in s of the size of a fault."""
@@ -75,7 +75,6 @@ RADAR_SIGNAL = np.dtype(
         ("estimate", "f8"),
         ("agreeing", "f8"),
         ("came_back", "?"),
-        ("returning", "?"),
         ("first", RING),
         ("recent", RING),
         ("history", "f8", (HISTORY, 2)),
@@ -102,9 +101,9 @@ def start_signal(signal, floor, std, lowest, learn):
     signal.coasted = 0.0
     signal.estimate = np.nan
     start_ring(signal.first, FIRST)
-    start_ring(signal.recent, RECENT)
+    start_ring(signal.recent, BEFORE + AFTER)
     signal.history_count = signal.history_first = 0
-    signal.came_back = signal.returning = False
+    signal.came_back = False
     signal.agreeing = 0.0
     restart_signal(signal)
     forgive(signal)
@@ -196,8 +195,8 @@ def convict(signal, kind, confidence):
     signal.estimate = signal.residual
     if not signal.first.count:
         append(signal.first, signal.residual)
-    signal.agreeing, signal.came_back, signal.returning = 0.0, False, False
-    start_ring(signal.recent, RECENT)
+    signal.agreeing, signal.came_back = 0.0, False
+    start_ring(signal.recent, BEFORE + AFTER)
     signal.history_first = signal.history_count = 0
 
 
@@ -224,40 +223,45 @@ def classify(signal):
 
 
 @inner
-def _median(ring):
-    ordered = np.sort(ring.values[: ring.count])
-    middle = ring.count // 2
-    if ring.count % 2:
-        return ordered[middle]
-    return 0.5 * (ordered[middle - 1] + ordered[middle])
+def _levels(recent):
+    """By how much the newest residuals lie off the line through those before, and how far apart
+    they are; medians, so that single outliers on either side do not count."""
+    before, after = np.empty(BEFORE), np.empty(AFTER)
+    rises = np.empty(BEFORE - 1)
+    for i in range(BEFORE):
+        before[i] = at(recent, i)
+    for i in range(BEFORE - 1):
+        rises[i] = before[i + 1] - before[i]
+    for i in range(AFTER):
+        after[i] = at(recent, BEFORE + i)
+    middle = np.median(after)
+    apart = np.max(np.abs(after - middle))
+    scans = 0.5 * (BEFORE + AFTER)
+    return middle - (np.median(before) + scans * np.median(rises)), apart
 
 
 @inner
-def has_returned(signal, step):
-    """Whether the jump that made the fault was undone, whatever became of the reference.
-
-    `step` since the scan before, beyond the lead's own motion. One scan alone may be an
-    outlier: what jumps back must not come from one, and the next scan must not undo it.
-    """
+def has_returned(signal):
+    """Whether the jump that made the fault was undone, whatever became of the reference: some
+    scans lie as far off those before as the first ones did, the other way."""
     if signal.kind != Kind.OFFSET:
         return False
     first, recent = signal.first, signal.recent
+    append(recent, signal.residual)
     offset = 0.0
     for i in range(first.count):
         offset += at(first, i)
     offset /= first.count
     tolerance = max(TOLERANCE * abs(offset), 0.5 * signal.floor, 4.0 * deviation(signal.noise))
     tolerance += resolution_of(signal)
-    if signal.returning:
-        signal.returning = False
-        if abs(step) < tolerance:
-            start_ring(recent, RECENT)
-            signal.came_back, signal.agreeing = True, 0.0
-            return True
-    level = is_full(recent) and abs(at(recent, RECENT - 1) - _median(recent)) < tolerance
-    signal.returning = level and abs(step + offset) < tolerance and tolerance < abs(offset)
-    append(recent, signal.residual)
-    return False
+    if not is_full(recent) or tolerance >= abs(offset):
+        return False
+    jump, apart = _levels(recent)
+    if abs(jump + offset) >= tolerance or apart >= tolerance:
+        return False
+    start_ring(recent, BEFORE + AFTER)
+    signal.came_back, signal.agreeing = True, 0.0
+    return True
 
 
 @inner
