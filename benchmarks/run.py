@@ -37,7 +37,7 @@ def parts(full: bool, work: Path) -> dict:
         "offline": lambda: offline.measure(3600.0, work, ROOT),
         "live": lambda: live.measure(600.0 if full else 20.0, 4 if full else 2, ROOT),
         "lockstep": lambda: graph.lockstep(60.0 if full else 20.0, work, ROOT),
-        "player": lambda: graph.player(600.0 if full else 120.0, work, ROOT),
+        "player": lambda: graph.player(600.0, work, ROOT),
         "start": lambda: graph.starting(work, ROOT),
         "memory": lambda: graph.memory(3600.0 if full else 300.0, work, ROOT),
         "folder": lambda: folder.measure(200 if full else 20, work),
