@@ -324,9 +324,3 @@ def agrees_long_enough(signal, clear_time, latch):
     needed = clear_time * (NOISE_CLEARS if signal.kind == Kind.NOISE else 1.0)
     # Agreement with limits as wide as the fault is large says nothing: it takes a jump back.
     return signal.agreeing >= needed and (signal.tellable or signal.came_back or not latch)
-
-
-@inner
-def is_judged(signal):
-    """Whether there is anything to say of it."""
-    return not isnan(signal.residual)
