@@ -113,7 +113,10 @@ def test_an_interrupted_run_goes_on_where_it_stopped(folder, tmp_path) -> None:
     out = tmp_path / "all.json"
     kept = journal_file(out, [])
     running = subprocess.Popen(
-        [*EVALUATE, str(many), "--jobs", "1", "--json", str(out)], stdout=subprocess.DEVNULL
+        [*EVALUATE, str(many), "--jobs", "1", "--json", str(out)],
+        stdout=subprocess.DEVNULL,
+        # Tests that run in the background of a shell are deaf to it, and so would this be.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     deadline = time.monotonic() + 120.0
     while not kept.is_file() or len(kept.read_text().splitlines()) < 2:
