@@ -32,7 +32,6 @@ from lfd_replay.paths import share_folder
 from lfd_replay.player import GRAPH_NODES, LockstepError, PlayerNode, samples_to_play
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES
 from lfd_replay.read_drive import read_drive, read_options
-from lfd_replay.report import write_report
 from lfd_replay.score import score, timeline
 from lfd_replay.text_file import write_text
 
@@ -157,6 +156,9 @@ def _leave(
     out: Path, drive: Drive, faults: list[Fault], recorder: RecorderNode, console: Console
 ) -> None:
     """Bag, report and summary."""
+    # What draws is loaded when there is something to draw, not before the first report.
+    from lfd_replay.report import write_report
+
     steps = recorder.steps()
     sensors = score(timeline((step.report for step in steps), drive.zero), faults)
     with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as folder:

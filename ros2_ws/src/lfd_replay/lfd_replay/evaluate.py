@@ -29,7 +29,6 @@ from lfd_replay.read_drive import (
     read_options,
     without_collector,
 )
-from lfd_replay.report import write_report
 from lfd_replay.score import (
     SUMMARY_COLUMNS,
     Timeline,
@@ -130,6 +129,9 @@ def _report_drive(path: Path, question: Question, folder: Path) -> tuple[Drive, 
     console = Console(stderr=True)
     shown = track(samples, "evaluating", console=console, disable=not console.is_terminal)
     steps = [step for sample in shown for step in graph.push(sample)]
+    # plotly is loaded when there is something to draw: other commands use this module, too.
+    from lfd_replay.report import write_report
+
     line = timeline((step.outcome.report for step in steps), drive.zero)
     result = _figures(path, drive, question, line, time.perf_counter() - started)
     recorded = [RecordedStep(step.horizon, step.bank, step.outcome.report) for step in steps]

@@ -4,10 +4,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import can
-import cantools
 from rich.console import Console
 from rich.progress import Progress
 
@@ -15,6 +13,9 @@ from lfd_mpc.errors import UserError
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, Sample, ScalarSample
 from lfd_replay.recordings.esr import EsrDecoder, Scan, select_lead
 from lfd_replay.recordings.lead_selection import LeadSelector
+
+if TYPE_CHECKING:
+    import can
 
 SUFFIXES = (".log", ".asc", ".blf")
 
@@ -63,9 +64,21 @@ class _Signal:
         self.name, self.input = signal.name, input_name
         self.factor = UNITS.get(unit, 1.0)
 
+    def value(self, data: bytes) -> float | None:
+        """In m/s or m/s^2; None from a damaged frame."""
+        from cantools.database import DecodeError
+
+        try:
+            decoded = self.message.decode(data, decode_choices=False)
+            return float(decoded[self.name]) * self.factor
+        except (DecodeError, ValueError, KeyError):
+            return None
+
 
 def _host_signals(host: HostSignals) -> dict[int, list[_Signal]]:
     """The wanted signals by frame identifier. Raises UserError."""
+    import cantools
+
     try:
         database = cantools.database.load_file(host.dbc)
     except (OSError, ValueError, cantools.Error) as error:
@@ -94,12 +107,11 @@ class CanDrive:
         """Take one frame; gives the samples that it completes."""
         stamp, identifier, data = frame
         for signal in self._host.get(identifier, ()):
-            try:
-                value = float(signal.message.decode(data, decode_choices=False)[signal.name])
-            except (cantools.database.DecodeError, ValueError, KeyError):
+            value = signal.value(data)
+            if value is None:
                 self.counts["damaged frames of the host"] += 1
                 continue
-            sample = ScalarSample(signal.input, stamp, value * signal.factor)
+            sample = ScalarSample(signal.input, stamp, value)
             if signal.input == HOST_SPEED:
                 self._speed = sample.value
             yield sample
@@ -149,6 +161,8 @@ def read_frames(
 
     `at` is told the position in the file now and then. Raises UserError for an unreadable file.
     """
+    import can
+
     try:
         if path.suffix == ".log":
             with path.open("rb") as file:
@@ -168,8 +182,10 @@ def read_frames(
         ) from error
 
 
-def _candump(file: Any, counts: Counter[str], at: Callable[[int], None]) -> Iterator[can.Message]:
+def _candump(file: Any, counts: Counter[str], at: Callable[[int], None]) -> Iterator["can.Message"]:
     """Messages of a candump log; a line that cannot be parsed is counted, and the next one read."""
+    import can
+
     lines = _Lines(file, at)
     while not lines.ended:
         reader = can.CanutilsLogReader(lines)  # type: ignore[arg-type]
@@ -215,7 +231,9 @@ class _Lines:
         """The file is closed by who opened it."""
 
 
-def _until_cut(messages: Iterable[can.Message], counts: Counter[str]) -> Iterator[can.Message]:
+def _until_cut(
+    messages: Iterable["can.Message"], counts: Counter[str]
+) -> Iterator["can.Message"]:
     """Messages up to where a file is cut off."""
     iterator = iter(messages)
     first = True
@@ -233,7 +251,7 @@ def _until_cut(messages: Iterable[can.Message], counts: Counter[str]) -> Iterato
         yield message
 
 
-def _frames(messages: Iterable[can.Message], counts: Counter[str]) -> Iterator[Frame]:
+def _frames(messages: Iterable["can.Message"], counts: Counter[str]) -> Iterator[Frame]:
     for message in messages:
         if message.is_error_frame or message.is_remote_frame:
             counts["error and remote frames"] += 1

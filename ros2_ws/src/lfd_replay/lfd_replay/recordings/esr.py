@@ -7,15 +7,16 @@ sensor's published descriptions.
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from importlib.resources import files
 from math import cos, radians, sin
-from typing import Any
-
-import cantools
+from typing import TYPE_CHECKING, Any
 
 from lfd_mpc.sampling import RadarSample
 from lfd_replay.recordings.lead_selection import LeadSelector, Track
+
+if TYPE_CHECKING:
+    from cantools.database import Database
 
 FIRST_TRACK, TRACKS = 0x500, 64
 STATUS_4 = 0x4E3
@@ -43,11 +44,14 @@ FLAGS = {
 
 
 @cache
-def database() -> cantools.database.Database:
+def database() -> "Database":
     """The project's own description of the frames."""
+    # Not every drive is CAN, and every start would wait for it.
+    from cantools.database import Database, load_string
+
     text = (files("lfd_replay.recordings") / "dbc" / "esr.dbc").read_text()
-    database = cantools.database.load_string(text, "dbc")
-    assert isinstance(database, cantools.database.Database)
+    database = load_string(text, "dbc")
+    assert isinstance(database, Database)
     return database
 
 
@@ -134,10 +138,13 @@ class EsrDecoder:
     """Frame after frame in, scan after scan out; what is damaged is counted, nothing else lost."""
 
     def __init__(self) -> None:
-        self._messages = {m.frame_id: m for m in database().messages}
         self._status: dict[str, int] = {}
         self.counts: Counter[str] = Counter()
         self._assembler = ScanAssembler(self.counts)
+
+    @cached_property
+    def _messages(self) -> dict[int, Any]:
+        return {message.frame_id: message for message in database().messages}
 
     def push(self, stamp: int, identifier: int, data: bytes) -> Iterator[Scan]:
         """Take one frame received at `stamp` (ns); gives the scans that it completes."""
