@@ -13,6 +13,7 @@ import hashlib
 import os
 from collections import namedtuple
 from collections.abc import Callable
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
@@ -104,13 +105,15 @@ def _from_tuple(kind: np.dtype) -> Callable[[tuple], Any]:
         for number in range(len(kind))
         if kind[number].names is not None
     ]
+    # As `made._make` does, without its check of a length that the dtype settles.
+    make = partial(tuple.__new__, made)
     if not nested:
-        return made._make
+        return make
 
     def build(values: tuple) -> Any:
         filled = list(values)
         for number, convert in nested:
             filled[number] = convert(filled[number])
-        return made._make(filled)
+        return make(filled)
 
     return build

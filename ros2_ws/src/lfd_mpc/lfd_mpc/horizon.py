@@ -336,6 +336,10 @@ class Mpc:
         self.sampler = Sampler()
         self.state = make_state(MPC_STATE)
         self._f = np.empty(self.controller.steps)
+        # Views of what every step reads: finding a field takes longer than reading it.
+        self._inputs, self._made = self.state["inputs"], self.state["horizon"]
+        self._text, self._restart = self._inputs["text"], self._inputs["restart"]
+        self._status, self._solve_time = self.state["status"], self._made["solve_time"]
 
     def push(self, sample: Sample) -> list[Horizon]:
         """Take one sample; returns the steps that it releases."""
@@ -375,27 +379,25 @@ class Mpc:
                 break
             if progress == Progress.UNSOLVED:
                 self.solve_outside(self._f, plan, states)
-            self.state["horizon"]["solve_time"][0] = time.perf_counter() - start
+            self._solve_time[0] = time.perf_counter() - start
             made.append(self._horizon(plan, states))
         return made
 
     def _horizon(self, plan: NDArray, states: NDArray) -> Horizon:
         """The step that was made last, with its plan (N,) and prediction (N, 2)."""
-        state = self.state[0]
-        inputs = state["inputs"]
-        values = dict(zip(HORIZON_FIELDS, state["horizon"].item(), strict=True))
+        values = dict(zip(HORIZON_FIELDS, self._made.item(), strict=True))
         valid = values["valid"]
         made = Horizon.__new__(Horizon)
         # All fields at once: one after the other they would take longer than the step itself.
         vars(made).update(
             values,
-            restart_reason=restart_reason(inputs),
-            sensor_text=self.sampler.texts.text(int(inputs["text"])),
-            solver_status=STATUS_TEXTS[int(state["status"])],
+            restart_reason=restart_reason(self._inputs[0]) if self._restart[0] else "",
+            sensor_text=self.sampler.texts.text(self._text.item()),
+            solver_status=STATUS_TEXTS[self._status.item()],
             predicted_clearance=states[:, 0] if valid else NOTHING,
             predicted_relative_velocity=states[:, 1] if valid else NOTHING,
             input_sequence=plan if valid else NOTHING,
-            record=np.frombuffer(bytearray(state["horizon"].tobytes()), HORIZON),
+            record=np.frombuffer(bytearray(self._made.tobytes()), HORIZON),
         )
         if valid:
             vars(made)["states"] = states

@@ -125,6 +125,8 @@ class ObserverBank:
             settings.boundary_layer,
             settings.restart_error,
         )
+        # Views of what every step reads: finding a field takes longer than reading it.
+        self._ready, self._index = self.state["ready"], self.state["acceleration_index"]
         self.state["lead_lower"], self.state["lead_upper"] = settings.lead_acceleration_limits
 
     def new_answer(self) -> BankAnswer:
@@ -146,7 +148,7 @@ class ObserverBank:
         return BankState(
             stamp=stamp,
             step=step,
-            ready=bool(self.state["ready"][0]),
+            ready=self._ready.item(),
             lags=self.arrays.lags,
             weights=self.arrays.weights,
             relative_acceleration=acceleration,
@@ -154,5 +156,5 @@ class ObserverBank:
             acceleration_lower=lower,
             acceleration_upper=upper,
             outside=answer.outside,
-            acceleration_index=float(self.state["acceleration_index"][0]),
+            acceleration_index=self._index.item(),
         )

@@ -231,9 +231,7 @@ class _Lines:
         """The file is closed by who opened it."""
 
 
-def _until_cut(
-    messages: Iterable["can.Message"], counts: Counter[str]
-) -> Iterator["can.Message"]:
+def _until_cut(messages: Iterable["can.Message"], counts: Counter[str]) -> Iterator["can.Message"]:
     """Messages up to where a file is cut off."""
     iterator = iter(messages)
     first = True
