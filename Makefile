@@ -31,7 +31,7 @@ lint: setup
 	@.venv/bin/ruff check . && .venv/bin/ruff format --check .
 
 parameters: setup
-	@PYTHONPATH= bash -c 'export PATH=$$PWD/.venv/bin:$$PATH; [ -n "$${ROS_DISTRO:-}" ] || export AMENT_PREFIX_PATH=$$PWD/.venv; . ros2_ws/install/local_setup.bash; python -c "import pathlib, lfd_replay.profiles as p; p.write_profile_files(pathlib.Path(\"ros2_ws/src/lfd_bringup/params\"))"'
+	@tools/in_workspace python tools/write_generated.py
 
 clean:
 	rm -rf .venv out ros2_ws/build ros2_ws/install ros2_ws/log

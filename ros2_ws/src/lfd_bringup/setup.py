@@ -10,6 +10,7 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/lfd_bringup"]),
         ("share/lfd_bringup", ["package.xml"]),
         ("share/lfd_bringup/config", glob("config/*")),
+        ("share/lfd_bringup/layouts", glob("layouts/*")),
         ("share/lfd_bringup/launch", glob("launch/*.launch.py")),
         ("share/lfd_bringup/params", glob("params/*.yaml")),
     ],

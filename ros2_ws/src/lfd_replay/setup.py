@@ -5,6 +5,7 @@ EXECUTABLES = (
     "calibrate",
     "compile_all",
     "evaluate",
+    "fault_injector",
     "host_adapter",
     "import_drive",
     "inspect",

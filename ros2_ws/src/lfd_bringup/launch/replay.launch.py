@@ -1,6 +1,8 @@
-"""A drive replayed into the node graph, one process per node.
+"""The graph, one process per node, and a drive replayed into it.
 
 ros2 launch lfd_bringup replay.launch.py drive:=PATH fault:='offset:acceleration=4@20-35' rate:=1.0
+
+Without a drive there is the graph alone: for a car (use_sim_time:=false), or for `ros2 bag play`.
 """
 
 from pathlib import Path
@@ -10,6 +12,7 @@ from launch import LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
     EmitEvent,
+    ExecuteProcess,
     OpaqueFunction,
     RegisterEventHandler,
     SetEnvironmentVariable,
@@ -19,44 +22,81 @@ from launch.events import Shutdown
 from launch_ros.actions import Node
 
 ARGUMENTS = {
-    "drive": (None, "path of a drive: CSV file or bag"),
+    "drive": ("", "path of a drive: CSV file or bag; empty = none is played"),
     "fault": ("", "fault texts, several separated by ;"),
     "rate": ("1.0", "x real time; 0 = lockstep"),
-    "profile": ("robust", "parameter profile: robust or paper"),
+    "profile": ("robust", "parameter profile (robust or paper), or a parameter file"),
+    "namespace": ("", "namespace of all nodes and topics, one for each vehicle"),
+    "use_sim_time": ("true", "follow /clock: true for replays, false in a car"),
+    "record": ("", "folder of a bag to record the outputs into; empty = none"),
+    "markers": ("false", "publish markers for RViz on diagnosis/markers"),
 }
+GRAPH = (
+    ("lfd_mpc", "mpc_node"),
+    ("lfd_observer", "observer_node"),
+    ("lfd_diagnosis", "diagnosis_node"),
+)
+INPUTS = ("radar/target", "vehicle/imu", "vehicle/twist", "v2v/lead_acceleration")
+OUTPUTS = (
+    "mpc/horizon",
+    "mpc/command",
+    "observer/bank",
+    "diagnosis/faults",
+    "diagnosis/events",
+    "diagnosis/reconstructed",
+)
 
 
 def start(context):
     """The nodes, and an end when the player has ended."""
     value = {name: context.launch_configurations[name] for name in ARGUMENTS}
-    share = Path(get_package_share_directory("lfd_bringup"))
-    parameters = [
-        str(share / "params" / f"{value['profile']}.yaml"),
-        str(share / "params" / "lockstep.yaml"),
-        {"use_sim_time": True},
+    params = Path(get_package_share_directory("lfd_bringup")) / "params"
+    chosen = params / f"{value['profile']}.yaml"
+    prefix = f"/{value['namespace'].strip('/')}/".replace("//", "/")
+    # Overrides are by full name, so those of lockstep.yaml do not hold in a namespace.
+    reliable = {
+        f"qos_overrides.{prefix}{topic}.subscription.reliability": "reliable" for topic in INPUTS
+    }
+    common = [
+        str(chosen if chosen.is_file() else value["profile"]),
+        {"use_sim_time": value["use_sim_time"].lower() == "true"},
     ]
-    nodes = [
-        Node(package=package, executable=node, name=node, parameters=parameters, output="screen")
-        for package, node in (
-            ("lfd_mpc", "mpc_node"),
-            ("lfd_observer", "observer_node"),
-            ("lfd_diagnosis", "diagnosis_node"),
+    own = {
+        "mpc_node": [{"receipts": True, **reliable}] if value["drive"] else [],
+        "diagnosis_node": [{"markers": value["markers"].lower() == "true"}],
+    }
+    actions = [
+        Node(
+            package=package,
+            executable=node,
+            name=node,
+            namespace=value["namespace"],
+            parameters=[*common, *own.get(node, [])],
+            output="screen",
         )
+        for package, node in GRAPH
     ]
+    if value["record"]:
+        topics = [*(prefix + topic for topic in (*INPUTS, *OUTPUTS)), "/diagnostics"]
+        record = ["ros2", "bag", "record", "-s", "mcap", "-o", value["record"], *topics]
+        actions.append(ExecuteProcess(cmd=record, output="screen"))
+    if not value["drive"]:
+        return actions
     arguments = [value["drive"], "--rate", value["rate"]]
     if value["fault"]:
         arguments += ["--fault", value["fault"]]
-    arguments += ["--wait-for", "mpc_node", "observer_node", "diagnosis_node"]
+    arguments += ["--wait-for", *(node for _, node in GRAPH)]
     player = Node(
         package="lfd_replay",
         executable="bag_player",
+        namespace=value["namespace"],
         arguments=arguments,
         output="screen",
     )
     end = RegisterEventHandler(
         OnProcessExit(target_action=player, on_exit=[EmitEvent(event=Shutdown())])
     )
-    return [*nodes, player, end]
+    return [*actions, player, end]
 
 
 def generate_launch_description():

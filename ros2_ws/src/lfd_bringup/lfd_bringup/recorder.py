@@ -24,7 +24,7 @@ from lfd_msgs.msg import (
 )
 from lfd_observer.bank import BankState
 from lfd_replay.drawing.panels import RecordedStep
-from lfd_replay.drive_bag import write_bag
+from lfd_replay.drive_bag import write_what_fits
 
 TOPICS = {
     "radar/target": RadarTarget,
@@ -83,8 +83,12 @@ class RecorderNode(Node):
             if horizon.step in reports
         ]
 
-    def write(self, folder: Path) -> None:
-        """Write everything as a bag whose log time is each message's header stamp."""
+    def write(self, folder: Path) -> tuple[int, int]:
+        """Write everything as a bag whose log time is each message's header stamp.
+
+        Returns how many messages were written and how many there are: the disk may be full.
+        Raises OSError where nothing can be written.
+        """
         rows = []
         for topic, kind in TOPICS.items():
             name = f"lfd_msgs/msg/{kind.__name__}"
@@ -94,4 +98,4 @@ class RecorderNode(Node):
                 stamp = from_time(deserialize_message(raw, kind).header.stamp)
                 rows.append((stamp, self.resolve_topic_name(topic), name, raw))
         rows.sort(key=lambda row: row[0])
-        write_bag(rows, folder)
+        return write_what_fits(rows, folder), len(rows)

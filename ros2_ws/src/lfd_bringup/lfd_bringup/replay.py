@@ -38,6 +38,9 @@ from lfd_replay.text_file import write_text
 DEFAULT_DRIVE = "data-1"
 DEFAULT_FAULT = "offset:clearance=4,relative_velocity=-10@20-30;offset:acceleration=4@50-60"
 
+INTERRUPTED = 130
+"""Exit status of a replay that was interrupted."""
+
 QUIET = 0.3
 """Seconds without a message after which everything has arrived."""
 
@@ -123,9 +126,8 @@ def main_replay(arguments: list[str]) -> int:
         for node in nodes:
             executor.add_node(node)
         started = time.monotonic()
-        play(player, executor, console)
+        ended = _play_to_the_end(player, executor, recorder, console)
         wall = time.monotonic() - started
-        _drain(executor, recorder)
         console.print(
             f"played {player.total:.1f} s in {wall:.1f} s ({player.total / wall:.1f} x real time)"
         )
@@ -133,14 +135,25 @@ def main_replay(arguments: list[str]) -> int:
     except LockstepError as error:
         print(error, file=sys.stderr)
         return 1
-    except ExternalShutdownException:
-        return 0
     finally:
         executor.shutdown()
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
-    return 0
+    return 0 if ended else INTERRUPTED
+
+
+def _play_to_the_end(
+    player: PlayerNode, executor: Executor, recorder: RecorderNode, console: Console
+) -> bool:
+    """Whether the drive was played to its end; what was recorded of it until then is not lost."""
+    try:
+        play(player, executor, console)
+        _drain(executor, recorder)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        print("interrupted: what was recorded until now is written", file=sys.stderr)
+        return False
+    return True
 
 
 def _drain(executor: Executor, recorder: RecorderNode) -> None:
@@ -163,8 +176,16 @@ def _leave(
     sensors = score(timeline((step.report for step in steps), drive.zero), faults)
     with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as folder:
         bag = Path(folder) / "bag"
-        recorder.write(bag)
+        try:
+            written, count = recorder.write(bag)
+        except OSError as error:
+            raise UserError(f"{out / 'bag'}: cannot be written ({error.strerror})") from error
         replace_folder(bag, out / "bag")
+    if written < count:
+        raise UserError(
+            f"{out / 'bag'}: the disk is full: it holds the first {written} of {count} messages, "
+            "and there is no report"
+        )
     write_text(out / "summary.json", json.dumps(sensors, indent=1) + "\n")
     report = write_report(out, drive.name, steps, drive.zero, faults, sensors)
     print_table(result_table(sensors, f"{len(steps)} steps"))

@@ -48,6 +48,15 @@ from lfd_mpc.settings import settings_record
 from lfd_observer.bank import BANK, BankAnswer, BankState
 from lfd_observer.prediction_store import check_shape
 
+AT_START = (
+    "profile",
+    "learn_noise",
+    "clearance_std",
+    "relative_velocity_std",
+    "lead_report_std",
+)
+"""Settings that say how to begin: where one of them changes, everything is judged anew."""
+
 STATES = {int(state): state for state in State}
 KINDS = {int(kind): kind for kind in Kind}
 
@@ -90,6 +99,23 @@ class Diagnosis(ABC):
         """Forget every fault and all that was learnt or stored: everything is judged anew."""
         self._start()
         self._anew_because = "reset"
+
+    def change(self, settings: DiagnosisSettings) -> "Diagnosis":
+        """The diagnosis that goes on with other settings from the next step on."""
+        changed = [n for n in AT_START if getattr(settings, n) != getattr(self.settings, n)]
+        if changed:
+            anew = make_diagnosis(settings)
+            anew.state["book"] = self.state["book"]
+            anew._anew_because = f"parameters changed: {', '.join(changed)}"
+            return anew
+        self.settings = settings
+        self.numbers = settings_record(settings)
+        self._changed()
+        return self
+
+    @abstractmethod
+    def _changed(self) -> None:
+        """Take over from the settings what was made of them at the start."""
 
     def step(self, horizon: Horizon, bank: BankState | None) -> Outcome:
         """Answer one horizon with the bank's answer to the same one, None if it was lost.
@@ -170,6 +196,11 @@ class RobustDiagnosis(Diagnosis):
     def _start(self) -> None:
         start_robust_entry(self.state, self.numbers)
 
+    def _changed(self) -> None:
+        radar = self.state["radar"]
+        radar["clearance"]["floor"] = self.settings.clearance_floor
+        radar["velocity"]["floor"] = self.settings.relative_velocity_floor
+
     def _step(self, horizon: Horizon, bank: BankState | None) -> None:
         relative = np.nan if bank is None else float(bank.relative_acceleration[0])
         robust_step_entry(self.state, self.numbers, horizon.record, relative, self.outcome)
@@ -196,6 +227,10 @@ class PaperDiagnosis(Diagnosis):
 
     def _start(self) -> None:
         start_paper_entry(self.state)
+
+    def _changed(self) -> None:
+        solutions = self.arrays.solutions
+        self.arrays = paper_arrays(self.settings)._replace(solutions=solutions)
 
     def _step(self, horizon: Horizon, bank: BankState | None) -> None:
         if horizon.valid:

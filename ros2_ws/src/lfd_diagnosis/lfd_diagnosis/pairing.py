@@ -4,7 +4,8 @@ from lfd_mpc.horizon import Horizon
 from lfd_observer.bank import BankState
 
 PATIENCE = 0.5
-"""Seconds of wall time that a horizon waits for its bank before it is judged without it."""
+"""Seconds of wall time that a horizon waits for its bank before it is judged without it. Those
+after it do not wait, until the bank answers again."""
 
 BACKLOG = 2000
 """Answers of the bank that are kept for horizons still under way."""
@@ -18,6 +19,7 @@ class Pairing:
     def __init__(self) -> None:
         self._horizons: dict[tuple[int, int], tuple[Horizon, float]] = {}
         self._banks: dict[tuple[int, int], BankState] = {}
+        self._bank_answers = True
 
     def add_horizon(self, horizon: Horizon, wall: float) -> list[Pair]:
         """Take a horizon; returns what is now complete, or has waited too long."""
@@ -27,6 +29,7 @@ class Pairing:
     def add_bank(self, bank: BankState, wall: float) -> list[Pair]:
         """Take a bank's answer; returns what is now complete, or has waited too long."""
         self._banks[bank.step, bank.stamp] = bank
+        self._bank_answers = True
         if len(self._banks) > BACKLOG:
             del self._banks[next(iter(self._banks))]
         return self.complete(wall)
@@ -35,8 +38,10 @@ class Pairing:
         """What is complete, or has waited too long."""
         pairs: list[Pair] = []
         for key, (horizon, since) in list(self._horizons.items()):
-            if key not in self._banks and wall - since <= PATIENCE:
-                break
+            if key not in self._banks:
+                if self._bank_answers and wall - since <= PATIENCE:
+                    break
+                self._bank_answers = False
             del self._horizons[key]
             pairs.append((horizon, self._banks.pop(key, None)))
         return pairs

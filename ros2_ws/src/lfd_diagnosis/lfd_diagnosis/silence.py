@@ -1,7 +1,13 @@
 """Whether nothing arrives at all, judged by a wall clock that a paused replay can hold."""
 
-LIMIT = 0.5
-"""Seconds without a step after which the sensors count as silent."""
+LIMIT = 0.12
+"""Seconds without a step after which the sensors count as silent, where steps come steadily."""
+
+LONGEST = 0.5
+"""The same at most, where steps come in bursts: inputs may be slow."""
+
+BURSTS, KEEP = 1.5, 0.98
+"""Usual times between bursts that make the limit, and how slowly they are forgotten."""
 
 CLOCK_LOST = 2.0
 """Seconds without a /clock message after which simulated time no longer holds the wall clock."""
@@ -13,6 +19,7 @@ class SilenceWatch:
     def __init__(self, wall: float) -> None:
         """`wall`: present wall time in s."""
         self._heard = wall
+        self._usual = 0.0
         self._clock_heard: float | None = None
         self._simulated = 0.0
         self._simulated_heard: float | None = None
@@ -25,12 +32,20 @@ class SilenceWatch:
 
     def heard(self, wall: float) -> None:
         """A step was answered at wall time (s)."""
+        pause = wall - self._heard
+        if pause < LONGEST:
+            self._usual = max(pause, KEEP * self._usual)
         self._heard = wall
         self._simulated_heard = self._simulated
 
+    @property
+    def limit(self) -> float:
+        """Seconds without a step that are silence."""
+        return min(max(LIMIT, BURSTS * self._usual), LONGEST)
+
     def silent(self, wall: float, simulated_time: bool) -> bool:
         """Whether to say now that nothing arrives; `simulated_time`: /clock is to be followed."""
-        if wall - self._heard <= LIMIT:
+        if wall - self._heard <= self.limit:
             return False
         if not simulated_time:
             return True
@@ -38,4 +53,4 @@ class SilenceWatch:
             return False
         if wall - self._clock_heard > CLOCK_LOST:
             return True
-        return self._simulated - self._simulated_heard > LIMIT
+        return self._simulated - self._simulated_heard > self.limit

@@ -26,7 +26,14 @@ from numpy.typing import NDArray
 PACKAGES = ("lfd_mpc", "lfd_observer", "lfd_diagnosis", "lfd_replay")
 """Packages whose functions call each other; a change in one of them counts for all."""
 
-NOT_COMPILED = ("_node.py", "__init__.py")
+NOT_COMPILED = (
+    "_node.py",
+    "__init__.py",
+    "health.py",
+    "node_support.py",
+    "qos_events.py",
+    "markers.py",
+)
 """Endings of names of files that nothing compiled depends on."""
 
 Function = TypeVar("Function", bound=Callable)

@@ -4,7 +4,7 @@ import time
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from math import isfinite
+from math import inf, isfinite
 from operator import attrgetter
 
 import numpy as np
@@ -316,6 +316,33 @@ def _finish_step(model, state, status, residual, fell_back, plan, states):
     finish_step(model, state[0], status, residual, fell_back, plan, states)
 
 
+_JUDGED = (
+    ("clearance", True),
+    ("relative_velocity", True),
+    ("acceleration", False),
+    ("host_speed", False),
+    ("lead_acceleration", False),
+)
+"""Inputs that are judged, and whether there is one only while the radar sees a lead."""
+
+
+def check_horizon(horizon: Horizon) -> None:
+    """Raises ValueError for a horizon that no controller makes: nothing can be judged by it."""
+    for name, of_lead in _JUDGED:
+        if getattr(horizon, f"{name}_stale") or (of_lead and not horizon.has_target):
+            continue
+        value, age = getattr(horizon, f"measured_{name}"), getattr(horizon, f"{name}_age")
+        if not (isfinite(value) and 0.0 <= age < inf):
+            raise ValueError(f"{name} of {value:g}, {age:g} s old, is not stale")
+    used = horizon.clearance, horizon.relative_velocity, horizon.acceleration
+    if horizon.valid and not (all(map(isfinite, used)) and np.isfinite(horizon.states).all()):
+        raise ValueError("a valid prediction that is not finite")
+    try:
+        horizon.record  # noqa: B018
+    except OverflowError as error:
+        raise ValueError(f"a number is too large: {error}") from error
+
+
 _STATUS = {text: status for status, text in STATUS_TEXTS.items()}
 
 
@@ -340,6 +367,13 @@ class Mpc:
         self._inputs, self._made = self.state["inputs"], self.state["horizon"]
         self._text, self._restart = self._inputs["text"], self._inputs["restart"]
         self._status, self._solve_time = self.state["status"], self._made["solve_time"]
+
+    def change(self, settings: MpcSettings) -> None:
+        """Plan with other settings from the next step on; the horizon stays as long as it is.
+
+        Raises ValueError for settings that cannot work; the old ones are then kept.
+        """
+        self.controller = Controller(settings)
 
     def push(self, sample: Sample) -> list[Horizon]:
         """Take one sample; returns the steps that it releases."""

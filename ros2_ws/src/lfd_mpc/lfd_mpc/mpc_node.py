@@ -2,6 +2,7 @@
 
 import heapq
 import sys
+import time
 from functools import partial
 from typing import Any
 
@@ -17,14 +18,17 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Header
 
 from lfd_mpc.errors import UserError
+from lfd_mpc.health import Health, StepHealth
 from lfd_mpc.horizon import Horizon, Mpc, first_horizon
 from lfd_mpc.messages import from_time, radar_sample, to_message, to_time
 from lfd_mpc.node_support import (
     PIPELINE_QOS,
+    HealthPublisher,
     ReadyAnnouncer,
     declare_settings,
     run_node,
 )
+from lfd_mpc.qos_events import hearing, telling
 from lfd_mpc.sampling import (
     ACCELERATION,
     HOST_SPEED,
@@ -82,29 +86,43 @@ class MpcNode(Node):
         """Raises UserError for parameters that cannot work."""
         super().__init__("mpc_node", context=context, **node_options)
         receipts = self.declare_parameter("receipts", False, RECEIPTS_PARAMETER).value
-        settings = declare_settings(self, MpcSettings)
+        settings = declare_settings(self, MpcSettings, self._change)
         first_horizon()
         try:
             self._core = Mpc(settings)
         except ValueError as error:
             raise UserError(f"mpc_node: {error}") from error
-        self._horizon = self.create_publisher(PredictionHorizon, "mpc/horizon", PIPELINE_QOS)
+        self._horizon = self.create_publisher(
+            PredictionHorizon,
+            "mpc/horizon",
+            PIPELINE_QOS,
+            event_callbacks=telling(self, "mpc/horizon", PIPELINE_QOS),
+        )
         self._command = self.create_publisher(AccelStamped, "mpc/command", PIPELINE_QOS)
         self._receipts = (
             self.create_publisher(Header, RECEIPTS_TOPIC, RECEIPTS_QOS) if receipts else None
         )
-        self._inputs = {
-            input_name: self.create_subscription(
+        self._inputs = {}
+        for input_name, (kind, topic, _) in INPUT_TOPICS.items():
+            qos = sensor_qos()
+            self._inputs[input_name] = self.create_subscription(
                 kind,
                 topic,
                 partial(self._on_sample, input_name),
-                sensor_qos(),
+                qos,
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+                event_callbacks=hearing(self, topic, qos),
             )
-            for input_name, (kind, topic, _) in INPUT_TOPICS.items()
-        }
         self.create_subscription(Clock, "/clock", self._on_clock, qos_profile_sensor_data)
+        self._health, self._counts = StepHealth(), {}
+        HealthPublisher(self, self._statuses)
         ReadyAnnouncer(self, ["radar/target", "vehicle/imu"])
+
+    def _change(self, settings: MpcSettings) -> None:
+        self._core.change(settings)
+
+    def _statuses(self, _period_ends: bool) -> list[Health]:
+        return [self._health.health("steps", time.monotonic(), self._counts)]
 
     def _on_sample(self, input_name: str, message: Any) -> None:
         self._push_waiting({input_name: [INPUT_TOPICS[input_name][2](message)]})
@@ -142,10 +160,22 @@ class MpcNode(Node):
             command = AccelStamped(header=message.header)
             command.accel.linear.x = horizon.command
             self._command.publish(command)
+            self._health.step(
+                time.monotonic(), horizon.stamp, horizon.solve_time, horizon.fallbacks
+            )
             if horizon.restart:
                 self.get_logger().info(
                     f"restart at {horizon.stamp * 1e-9:.3f} s: {horizon.restart_reason}"
                 )
+        if horizons:
+            last = horizons[-1]
+            self._counts = {
+                "solver": last.solver_status,
+                "steps that were solved anew": str(last.fallbacks),
+                "late samples": str(last.late_samples),
+                "refused samples": str(last.refused_samples),
+                "samples that are no numbers": str(last.bad_samples),
+            }
 
 
 def main() -> int:

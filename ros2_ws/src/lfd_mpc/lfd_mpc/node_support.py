@@ -1,21 +1,31 @@
 """What every node of the graph does alike: parameters from settings, readiness, a quiet end."""
 
+import os
 import sys
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from pydantic import ValidationError
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.settings import Settings, settings_error
+from lfd_mpc.health import PERIOD, Health
+from lfd_mpc.settings import Settings, is_fixed, settings_error
 
 READY_TOPIC = "ready"
 READY_QOS = QoSProfile(depth=20, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -27,25 +37,20 @@ PIPELINE_QOS = QoSProfile(depth=1000)
 SettingsType = TypeVar("SettingsType", bound=Settings)
 
 
-def declare_settings(node: Node, kind: type[SettingsType]) -> SettingsType:
+def declare_settings(
+    node: Node,
+    kind: type[SettingsType],
+    apply: Callable[[SettingsType], None] | None = None,
+) -> SettingsType:
     """Declare a parameter per field of `kind` and return the settings that they hold.
 
-    Raises UserError naming the parameter for a value that is refused or a name that is unknown.
+    `apply` takes other settings while the node runs, between two steps, and raises UserError or
+    ValueError for those that cannot work; without it every parameter is read-only. Raises
+    UserError naming the parameter for a value that is refused or a name that is unknown.
     """
     values = {}
     for name, field in kind.model_fields.items():
-        extra = field.json_schema_extra
-        assert isinstance(extra, dict)
-        descriptor = ParameterDescriptor(
-            description=f"{field.description} [{extra['unit']}]", read_only=True
-        )
-        low, high = _bounds(field.metadata)
-        if isinstance(field.default, float) and None not in (low, high):
-            descriptor.floating_point_range = [
-                FloatingPointRange(from_value=float(low), to_value=float(high))
-            ]
-        elif isinstance(field.default, int) and None not in (low, high):
-            descriptor.integer_range = [IntegerRange(from_value=low, to_value=high)]
+        descriptor = describe(field, read_only=apply is None or is_fixed(field))
         default = list(field.default) if isinstance(field.default, tuple) else field.default
         try:
             value = node.declare_parameter(name, default, descriptor).value
@@ -55,12 +60,60 @@ def declare_settings(node: Node, kind: type[SettingsType]) -> SettingsType:
         ) as error:
             raise UserError(f"parameter '{name}': {error}") from error
         values[name] = tuple(value) if isinstance(field.default, tuple) else value
+    settings = _checked(kind, values)
+    _refuse_unknown(node)
+    if apply is not None:
+        _follow_changes(node, settings, apply)
+    return settings
+
+
+def _checked(kind: type[SettingsType], values: dict[str, Any]) -> SettingsType:
     try:
-        settings = kind(**values)
+        return kind(**values)
     except ValidationError as error:
         raise UserError(settings_error(error)) from error
-    _refuse_unknown(node)
-    return settings
+
+
+def _follow_changes(
+    node: Node, settings: SettingsType, apply: Callable[[SettingsType], None]
+) -> None:
+    """Refuse parameters that cannot work, with the reason, and apply the others."""
+    known = settings
+
+    def change(parameters: list[Parameter]) -> SetParametersResult:
+        nonlocal known
+        values = known.model_dump()
+        own = {p.name: p.value for p in parameters if p.name in values}
+        if not own:
+            return SetParametersResult(successful=True)
+        for name, value in own.items():
+            values[name] = tuple(value) if isinstance(values[name], tuple) else value
+        try:
+            changed = _checked(type(known), values)
+            apply(changed)
+        except (UserError, ValueError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        known = changed
+        node.get_logger().info(f"changed: {', '.join(f'{n} = {v}' for n, v in own.items())}")
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(change)
+
+
+def describe(field: Any, read_only: bool) -> ParameterDescriptor:
+    """The descriptor of a field of settings: text, unit and range."""
+    extra = field.json_schema_extra
+    descriptor = ParameterDescriptor(
+        description=f"{field.description} [{extra['unit']}]", read_only=read_only
+    )
+    low, high = _bounds(field.metadata)
+    if isinstance(field.default, float) and None not in (low, high):
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=float(low), to_value=float(high))
+        ]
+    elif isinstance(field.default, int) and None not in (low, high):
+        descriptor.integer_range = [IntegerRange(from_value=low, to_value=high)]
+    return descriptor
 
 
 def _bounds(metadata: list) -> tuple[float | None, float | None]:
@@ -83,6 +136,37 @@ def _refuse_unknown(node: Node) -> None:
             )
 
 
+class HealthPublisher:
+    """Publishes statuses on /diagnostics once a second, and whenever it is told to."""
+
+    def __init__(self, node: Node, statuses: Callable[[bool], list[Health]]) -> None:
+        """`statuses` gives them; it is told whether a period ends with these."""
+        self._node, self._statuses = node, statuses
+        self._prefix = node.get_fully_qualified_name().lstrip("/")
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(PERIOD, lambda: self._publish(True), clock=steady)
+
+    def changed(self) -> None:
+        """Publish now, within a period."""
+        self._publish(False)
+
+    def _publish(self, period_ends: bool) -> None:
+        array = DiagnosticArray()
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        array.status = [
+            DiagnosticStatus(
+                level=bytes([health.level]),
+                name=f"{self._prefix}: {health.name}",
+                hardware_id=health.hardware or self._prefix,
+                message=health.message,
+                values=[KeyValue(key=key, value=value) for key, value in health.values.items()],
+            )
+            for health in self._statuses(period_ends)
+        ]
+        self._publisher.publish(array)
+
+
 class ReadyAnnouncer:
     """Says once, latched, that the node hears all of its publishers."""
 
@@ -92,7 +176,7 @@ class ReadyAnnouncer:
         self._topics = topics
         self._publisher = node.create_publisher(String, READY_TOPIC, READY_QOS)
         self._timer = node.create_timer(
-            0.02, self._check, clock=rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
+            0.02, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
         self._ticks = 0
 
@@ -120,15 +204,32 @@ def make_executor(context: Context | None = None) -> Executor:
     return EventsExecutor(context=context)
 
 
+def _refuse_pretended_security() -> None:
+    """Asked for security that is not enforced a node would start, unsecured. Raises UserError."""
+    if os.environ.get("ROS_SECURITY_ENABLE", "").lower() != "true":
+        return
+    if not os.environ.get("ROS_SECURITY_KEYSTORE"):
+        raise UserError(
+            "ROS_SECURITY_ENABLE is true, but ROS_SECURITY_KEYSTORE names no keystore: the node "
+            "would start unsecured"
+        )
+    if os.environ.get("ROS_SECURITY_STRATEGY") != "Enforce":
+        raise UserError(
+            "ROS_SECURITY_ENABLE is true, but ROS_SECURITY_STRATEGY is not Enforce: the node "
+            "might start unsecured"
+        )
+
+
 def run_node(make: Callable[[], Node], args: list[str] | None = None) -> int:
     """Spin one node until it is told to stop; returns the exit status."""
     if {"-h", "--help"} & set(sys.argv[1:] if args is None else args):
         print(sys.modules[make.__module__].__doc__)
         print("Options are ROS arguments: --ros-args -p NAME:=VALUE --params-file FILE -r FROM:=TO")
         return 0
-    rclpy.init(args=args)
     node = None
     try:
+        _refuse_pretended_security()
+        rclpy.init(args=args)
         node = make()
         executor = make_executor()
         executor.add_node(node)

@@ -17,15 +17,21 @@ STEP_S = STEP_NS * 1e-9
 """One step of the algorithm, `dt`, in seconds."""
 
 
-def setting(default: Any, unit: str, text: str, source: str, **limits: Any) -> Any:
+def setting(
+    default: Any, unit: str, text: str, source: str, fixed: bool = False, **limits: Any
+) -> Any:
     """One field of a settings model.
 
-    `unit` is the field's unit ("1" = none), `source` where the default comes from; `limits` are
-    pydantic's (`ge`, `gt`, `le`, `lt`).
+    `unit` is the field's unit ("1" = none), `source` where the default comes from; `fixed` ones
+    cannot be changed while a node runs; `limits` are pydantic's (`ge`, `gt`, `le`, `lt`).
     """
-    return Field(
-        default, description=text, json_schema_extra={"unit": unit, "source": source}, **limits
-    )
+    extra = {"unit": unit, "source": source, "fixed": fixed}
+    return Field(default, description=text, json_schema_extra=extra, **limits)
+
+
+def is_fixed(field: Any) -> bool:
+    """Whether a field of settings cannot be changed while a node runs."""
+    return field.json_schema_extra["fixed"]
 
 
 class Settings(BaseModel):
@@ -60,7 +66,13 @@ class HorizonSettings(Settings):
     """What controller, bank and diagnosis must agree on."""
 
     prediction_steps: int = setting(
-        20, "steps", "prediction horizon N, steps of 10 ms", "section 3, N = 20", ge=2, le=100
+        20,
+        "steps",
+        "prediction horizon N, steps of 10 ms",
+        "section 3, N = 20",
+        fixed=True,
+        ge=2,
+        le=100,
     )
 
 

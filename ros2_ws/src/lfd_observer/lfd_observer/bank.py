@@ -108,6 +108,17 @@ class BankState:
     acceleration_index: float
 
 
+def check_bank(bank: BankState) -> None:
+    """Raises ValueError for an answer that no bank makes: nothing can be judged by it."""
+    arrays = (bank.relative_acceleration, bank.acceleration_lower, bank.acceleration_upper)
+    if any(len(values) != len(bank.lags) for values in (*arrays, bank.outside)):
+        raise ValueError("arrays of different lengths")
+    if not len(bank.lags):
+        raise ValueError("no observer")
+    if bank.ready and not all(np.isfinite(values).all() for values in arrays):
+        raise ValueError("an answer that is not finite")
+
+
 class ObserverBank:
     """Observers of several lags over one store of predictions."""
 

@@ -45,6 +45,7 @@ class BankSettings(HorizonSettings, LeadMotion):
         "steps",
         "lag of each observer; 0 is fed the measurement",
         "section 4, eq 24",
+        fixed=True,
         min_length=1,
     )
     weight_decay: float = setting(

@@ -1,4 +1,4 @@
-"""Settings of the adapters: what the car publishes, and how its sensors sit in it."""
+"""Settings of what stands between a car and the graph: adapters and fault injector."""
 
 from typing import Literal
 
@@ -26,6 +26,15 @@ class MountingSettings(Settings):
     def mounting(self) -> Mounting:
         """The same as the converters take it."""
         return Mounting((self.imu_roll, self.imu_pitch, self.imu_yaw), self.imu_offset)
+
+
+class InjectorSettings(Settings):
+    """What the fault injector does from the start."""
+
+    fault: str = setting(
+        "", "1", "fault texts, several separated by ;, times from the first sample", OWN
+    )
+    seed: int = setting(0, "1", "seed of injected noise", OWN, ge=0, le=2**31 - 1)
 
 
 class RadarAdapterSettings(Settings):

@@ -1,5 +1,6 @@
 """Drives as bags: rosbag2 (MCAP or sqlite3) and ROS 1."""
 
+import errno
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -36,6 +37,9 @@ from lfd_replay.recordings.recorded_messages import (
     MessageConverter,
     Mounting,
 )
+
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says where no more can be written."""
 
 TOPICS = {
     RADAR: ("/radar/target", "lfd_msgs/msg/RadarTarget"),
@@ -243,6 +247,24 @@ def write_bag(rows: Iterable[tuple[int, str, str, Any]], folder: Path) -> None:
                 message = store.deserialize_cdr(message, msgtype)
             raw = store.serialize_cdr(message, msgtype)
             writer.write(connections[topic], stamp, raw)
+
+
+def write_what_fits(rows: list[tuple[int, str, str, Any]], folder: Path) -> int:
+    """Write the first rows as a whole bag, as many as the disk takes; returns how many.
+
+    Raises OSError where none can be written.
+    """
+    count = len(rows)
+    while True:
+        try:
+            write_bag(rows[:count], folder)
+        except OSError as error:
+            shutil.rmtree(folder, ignore_errors=True)
+            if error.errno not in DISK_FULL or not count:
+                raise
+            count //= 2
+        else:
+            return count
 
 
 def replace_folder(new: Path, old: Path) -> None:

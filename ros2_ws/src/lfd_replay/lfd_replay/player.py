@@ -125,6 +125,7 @@ class PlayerNode(Node):
         self.create_subscription(String, READY_TOPIC, self._on_ready, READY_QOS)
         self.create_service(Trigger, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/resume", self._on_resume)
+        self.create_service(Trigger, "~/step", self._on_step)
         if self.lockstep:
             self.create_subscription(
                 PredictionHorizon, "mpc/horizon", self._on_horizon, PIPELINE_QOS
@@ -327,6 +328,24 @@ class PlayerNode(Node):
             paused = time.monotonic() - self._pause_wall
             self._clock_wall += paused
             self._deadline += paused
+        return response
+
+    def _on_step(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """While paused, one step of the algorithm further."""
+        response.success = False
+        if not self._paused:
+            response.message = "is not paused; call pause first"
+        elif self.done:
+            response.message = "is at the end"
+        elif self._waiting:
+            response.message = "the step before is not answered yet"
+        else:
+            if self.lockstep:
+                self._pump_lockstep(self._pause_wall)
+            else:
+                self._clock_wall -= STEP_NS * 1e-9 / self._options.rate
+                self._pump_free(self._pause_wall)
+            response.success, response.message = True, f"at {self.played:.2f} s of drive time"
         return response
 
 
