@@ -8,7 +8,7 @@ PROFILE ?= robust
 FULL ?=
 RECORDED ?= ../shared/data
 
-.PHONY: setup replay evaluate bench test lint parameters clean
+.PHONY: setup replay evaluate bench test soak lint parameters clean
 
 setup:
 	@command -v git >/dev/null || { echo "setup: missing: git" >&2; exit 1; }
@@ -26,6 +26,9 @@ bench: setup
 
 test: setup
 	@tools/test
+
+soak: setup
+	@LFD_SOAK=1 tools/test tests/test_breakage.py tests/test_fuzzed_files.py -q
 
 lint: setup
 	@.venv/bin/ruff check . && .venv/bin/ruff format --check .

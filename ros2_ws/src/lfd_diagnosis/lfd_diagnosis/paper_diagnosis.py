@@ -104,13 +104,13 @@ def _not_judged(verdict):
 
 
 @inner
-def _radar_state(state, horizon, stale):
+def _radar_state(state, horizon, used, stale):
     """State of a radar signal that has no index; OK stands for one that has."""
     if stale:
         return State.NO_DATA
     if not horizon.has_target and not horizon.valid:
         return State.NO_TARGET
-    return State.OK if state.store.complete else State.NOT_READY
+    return State.OK if state.store.complete and not isnan(used) else State.NOT_READY
 
 
 @inner
@@ -134,14 +134,15 @@ def _judge_radar(state, arrays, settings, horizon, outcome):
     evidence.relative_velocity_age = horizon.relative_velocity_age
     ceiling = settings.confidence_max
 
-    found = _radar_state(state, horizon, horizon.clearance_stale)
+    found = _radar_state(state, horizon, horizon.clearance, horizon.clearance_stale)
     index = clearances / n if found == State.OK else np.nan
     threshold = settings.clearance_threshold
     confidence = next_confidence(state.clearance_confidence, index, threshold, ceiling)
     state.clearance_confidence = confidence
     _say(outcome.clearance, settings, found, index, threshold, confidence)
 
-    found = _radar_state(state, horizon, horizon.relative_velocity_stale)
+    velocity = horizon.relative_velocity
+    found = _radar_state(state, horizon, velocity, horizon.relative_velocity_stale)
     index = velocities / n if found == State.OK else np.nan
     threshold = settings.relative_velocity_threshold
     confidence = next_confidence(state.relative_velocity_confidence, index, threshold, ceiling)

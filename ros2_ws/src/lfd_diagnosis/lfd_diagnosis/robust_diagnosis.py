@@ -187,7 +187,9 @@ def _silent_kind(age):
 
 
 @inner
-def _judge_signal(radar, settings, horizon, signal, variance, stale, age, evidence, verdict):
+def _judge_signal(
+    radar, settings, horizon, signal, variance, measured, stale, age, evidence, verdict
+):
     state, kind, index = State.NOT_READY, Kind.UNKNOWN.value, np.nan
     size = size_std = np.nan
     if stale:
@@ -199,7 +201,7 @@ def _judge_signal(radar, settings, horizon, signal, variance, stale, age, eviden
         size = size_of(signal)
         if radar.has_track and not isnan(size):
             size_std = deviation_about(signal, variance)
-    elif is_ready(radar) and not isnan(signal.residual):
+    elif is_ready(radar) and not isnan(signal.residual) and np.isfinite(measured):
         state = State.SUSPECT if signal.confidence else State.OK
         index = index_of(signal)
     threshold = settings.scan_confidence_threshold
@@ -218,6 +220,7 @@ def _judge_radar(state, settings, horizon, outcome):
         horizon,
         radar.clearance,
         radar.track.cc,
+        horizon.measured_clearance,
         horizon.clearance_stale,
         horizon.clearance_age,
         evidence.clearance,
@@ -229,6 +232,7 @@ def _judge_radar(state, settings, horizon, outcome):
         horizon,
         radar.velocity,
         radar.track.vv,
+        horizon.measured_relative_velocity,
         horizon.relative_velocity_stale,
         horizon.relative_velocity_age,
         evidence.relative_velocity,

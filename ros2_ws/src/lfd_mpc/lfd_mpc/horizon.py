@@ -4,7 +4,7 @@ import time
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from math import inf, isfinite
+from math import inf, isfinite, isnan
 from operator import attrgetter
 
 import numpy as np
@@ -316,23 +316,19 @@ def _finish_step(model, state, status, residual, fell_back, plan, states):
     finish_step(model, state[0], status, residual, fell_back, plan, states)
 
 
-_JUDGED = (
-    ("clearance", True),
-    ("relative_velocity", True),
-    ("acceleration", False),
-    ("host_speed", False),
-    ("lead_acceleration", False),
-)
-"""Inputs that are judged, and whether there is one only while the radar sees a lead."""
+_JUDGED = ("clearance", "relative_velocity", "acceleration", "host_speed", "lead_acceleration")
+_OF_LEAD = _JUDGED[:2]
+"""Inputs that are judged, and those of them that a lead may not have yet (NaN)."""
 
 
 def check_horizon(horizon: Horizon) -> None:
     """Raises ValueError for a horizon that no controller makes: nothing can be judged by it."""
-    for name, of_lead in _JUDGED:
-        if getattr(horizon, f"{name}_stale") or (of_lead and not horizon.has_target):
+    for name in _JUDGED:
+        if getattr(horizon, f"{name}_stale"):
             continue
         value, age = getattr(horizon, f"measured_{name}"), getattr(horizon, f"{name}_age")
-        if not (isfinite(value) and 0.0 <= age < inf):
+        known = isfinite(value) or (name in _OF_LEAD and isnan(value))
+        if not (known and 0.0 <= age < inf):
             raise ValueError(f"{name} of {value:g}, {age:g} s old, is not stale")
     used = horizon.clearance, horizon.relative_velocity, horizon.acceleration
     if horizon.valid and not (all(map(isfinite, used)) and np.isfinite(horizon.states).all()):

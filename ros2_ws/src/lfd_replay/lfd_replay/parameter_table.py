@@ -21,8 +21,8 @@ HEADING = """# Parameters
 Made by `make parameters` from the settings, where each parameter is described once; a test holds
 this page to be the same. `ros2 param describe NODE NAME` says the same. A value that cannot work is
 refused with the reason, at the start and while running; what can be changed while running is
-applied between two steps. Changes of `profile`, `learn_noise` and the deviations to begin with make the
-diagnosis judge everything anew; changes of the bank make its observers start anew.
+applied between two steps. Changes of `profile`, `learn_noise` and the deviations to begin with make
+the diagnosis judge everything anew; changes of the bank make its observers start anew.
 
 Nodes know further parameters that are no settings of the algorithm: `receipts` (mpc_node, for
 lockstep), `markers` and `marker_frame` (diagnosis_node, for RViz), `use_sim_time`, and

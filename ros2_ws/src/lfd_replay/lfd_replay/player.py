@@ -343,7 +343,9 @@ class PlayerNode(Node):
             if self.lockstep:
                 self._pump_lockstep(self._pause_wall)
             else:
-                self._clock_wall -= STEP_NS * 1e-9 / self._options.rate
+                played = self._times[self._position - 1] if self._position else 0
+                due = (played // STEP_NS + 1) * STEP_NS
+                self._clock_wall = self._pause_wall - due * 1e-9 / self._options.rate
                 self._pump_free(self._pause_wall)
             response.success, response.message = True, f"at {self.played:.2f} s of drive time"
         return response
