@@ -13,6 +13,7 @@ setup(
         ("share/lfd_bringup/layouts", glob("layouts/*")),
         ("share/lfd_bringup/launch", glob("launch/*.launch.py")),
         ("share/lfd_bringup/params", glob("params/*.yaml")),
+        ("share/lfd_bringup/security", glob("security/*")),
     ],
     install_requires=["setuptools"],
     zip_safe=True,

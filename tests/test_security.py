@@ -1,0 +1,105 @@
+"""The enclave policy is what the graph does; security that would not be enforced is refused."""
+
+import os
+import subprocess
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+import rclpy
+
+from lfd_diagnosis.diagnosis_node import DiagnosisNode
+from lfd_mpc.mpc_node import MpcNode
+from lfd_observer.observer_node import ObserverNode
+from lfd_replay.fault_injector import FaultInjectorNode
+from ros_support import REPLAY_ARGUMENTS, Graph, next_domain
+
+ROOT = Path(__file__).parent.parent
+POLICY = ROOT / "ros2_ws/src/lfd_bringup/security/policy.xml"
+NODES = {
+    "mpc_node": MpcNode,
+    "observer_node": ObserverNode,
+    "diagnosis_node": DiagnosisNode,
+    "fault_injector": FaultInjectorNode,
+}
+
+
+def full_name(node: str, name: str) -> str:
+    """Of a name in the policy, for a node without a namespace."""
+    return name.replace("~", f"/{node}") if name[0] in "~/" else f"/{name}"
+
+
+def allowed(node: str) -> dict[str, set[str]]:
+    """What the policy allows a node."""
+    (profile,) = (p for p in ElementTree.parse(POLICY).iter("profile") if p.get("node") == node)
+    found: dict[str, set[str]] = {"publish": set(), "subscribe": set(), "reply": set()}
+    for group in (*profile.iter("topics"), *profile.iter("services")):
+        for way in found:
+            if group.get(way) == "ALLOW":
+                found[way] |= {full_name(node, name.text or "") for name in group}
+    return found
+
+
+def running(graph: Graph, watcher, node: str) -> dict[str, set[str]]:
+    """What a running node does."""
+    ways = {
+        "publish": watcher.get_publisher_names_and_types_by_node,
+        "subscribe": watcher.get_subscriber_names_and_types_by_node,
+        "reply": watcher.get_service_names_and_types_by_node,
+    }
+    return {way: {name for name, _ in ask(node, "/")} for way, ask in ways.items()}
+
+
+def test_the_policy_lists_exactly_what_the_running_graph_has() -> None:
+    with Graph() as graph:
+        for name, kind in NODES.items():
+            markers = ["-p", "markers:=true"] if name == "diagnosis_node" else []
+            arguments = [*REPLAY_ARGUMENTS, *markers]
+            graph.add(kind(context=graph.context, cli_args=arguments))
+        watcher = graph.add(rclpy.create_node("watcher", context=graph.context))
+        for name in NODES:
+            graph.spin_until(
+                lambda: running(graph, watcher, name) == allowed(name),  # noqa: B023
+                f"{name} does what its policy says",
+            )
+
+
+@pytest.mark.parametrize(
+    ("environment", "named"),
+    [
+        ({}, "ROS_SECURITY_KEYSTORE"),
+        ({"ROS_SECURITY_KEYSTORE": "/keys"}, "ROS_SECURITY_STRATEGY"),
+        ({"ROS_SECURITY_KEYSTORE": "/keys", "ROS_SECURITY_STRATEGY": "Permissive"}, "Enforce"),
+    ],
+)
+def test_security_that_would_not_be_enforced_is_refused(environment: dict, named: str) -> None:
+    environment = {**os.environ, "ROS_SECURITY_ENABLE": "true", **environment}
+    environment["ROS_DOMAIN_ID"] = str(next_domain())
+    done = subprocess.run(
+        [ROOT / "run", "lfd_mpc", "mpc_node"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=30,
+    )
+    assert done.returncode == 2 and named in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_enforcement_where_there_is_a_secured_installation() -> None:
+    """Needs sros2 and a middleware built with security: the wheels have neither."""
+    pytest.importorskip("sros2", reason="no secured installation here: enforcement was NOT RUN")
+    keys = os.environ.get("ROS_SECURITY_KEYSTORE")
+    if not keys:
+        pytest.skip("ROS_SECURITY_KEYSTORE names no keystore: enforcement was NOT RUN")
+    environment = {
+        **os.environ,
+        "ROS_SECURITY_ENABLE": "true",
+        "ROS_SECURITY_STRATEGY": "Enforce",
+        "ROS_DOMAIN_ID": str(next_domain()),
+    }
+    command = [ROOT / "run", "lfd_mpc", "mpc_node", "--ros-args", "--enclave"]
+    stranger = subprocess.run(
+        [*command, "/lfd/nobody"], env=environment, capture_output=True, text=True, timeout=30
+    )
+    assert stranger.returncode != 0
