@@ -172,6 +172,8 @@ ACCELERATION = np.dtype(
         ("lead", "f8"),
         ("lead_slow", "f8"),
         ("lead_recent", RING),
+        ("own_slow", "f8"),
+        ("own_recent", RING),
         ("report_off", "f8"),
         ("relative_now", "f8"),
         ("relative_slow", "f8"),
@@ -219,6 +221,8 @@ def restart_acceleration(monitor):
     start_ring(monitor.samples, SAMPLES)
     monitor.lead = monitor.lead_slow = np.nan
     start_ring(monitor.lead_recent, BASELINE_DELAY)
+    monitor.own_slow = np.nan
+    start_ring(monitor.own_recent, BASELINE_DELAY)
     monitor.report_off = 0.0
     monitor.relative_now = monitor.relative_slow = monitor.before = 0.0
     monitor.relative, monitor.radar_gone = 0.0, RADAR_GONE
@@ -521,6 +525,10 @@ def _follow_lead(monitor, relative_acceleration):
         if isnan(monitor.lead_slow):
             monitor.lead_slow = monitor.lead
         monitor.lead_slow += BASE_SHARE * (at(monitor.lead_recent, 0) - monitor.lead_slow)
+        append(monitor.own_recent, monitor.filtered)
+        if isnan(monitor.own_slow):
+            monitor.own_slow = monitor.filtered
+        monitor.own_slow += BASE_SHARE * (at(monitor.own_recent, 0) - monitor.own_slow)
 
 
 @inner
@@ -549,12 +557,12 @@ def _take_if_worse(check, ground, residual, limit):
 
 @inner
 def _against_report(monitor, settings, lead_report):
-    """Blamed only for what it did itself: the lead's word may be wrong as well."""
+    """Blamed only for what it did itself: the lead's word or the radar may be wrong as well."""
     off = monitor.lead - lead_report.acceleration
     share = filter_share(settings.host_speed_filter_time)
     monitor.report_off += share * (off - monitor.report_off)
     residual = monitor.report_off
-    own = monitor.lead - monitor.lead_slow
+    own = monitor.filtered - monitor.own_slow
     sigma = settings.acceleration_sigma
     limit = max(settings.acceleration_limit, sigma * deviation(monitor.report_noise))
     if abs(residual) < 0.8 * limit and monitor.ticks % 10 == 0:

@@ -63,6 +63,9 @@ from lfd_mpc.compiled import inner
 from lfd_mpc.sampling import UNKNOWN_TRACK
 from lfd_mpc.settings import STEP_S
 
+BIAS_SCANS = 40
+"""Scans over which it is averaged by how much the clearance lies beside the track for good."""
+
 READY_SCANS = 3
 """Scans of one target after which it is judged."""
 
@@ -475,6 +478,9 @@ def _judge(radar, settings, repeated):
     if has_velocity and good_velocity:
         now = track.velocity - age * (track.acceleration - radar.host)
         correct_velocity(track, measured_velocity.value - now, velocity.noise.variance)
+    if has_clearance and good_clearance and not is_radar_faulty(radar):
+        now = track.clearance - age * (track.velocity - 0.5 * age * relative)
+        clearance.bias += (measured_clearance.value - now - clearance.bias) / BIAS_SCANS
     if not (has_clearance and has_velocity):
         return
     if not is_radar_faulty(radar):
@@ -492,13 +498,25 @@ def _suspect(radar, settings, signal, of_clearance):
         else:
             give_ground(signal.because, Ground.RESIDUAL, signal.residual, signal.limit, 0.0)
             _convict(radar, settings, signal, Kind.OFFSET)
+            _take_bias(radar, of_clearance)
     elif settings.check_roughness and is_rough(signal.roughness):
         give_ground(signal.because, Ground.ROUGHNESS, rough_share(signal.roughness), 0.0, 0.0)
         _convict(radar, settings, signal, Kind.NOISE)
+        _take_bias(radar, of_clearance)
     elif settings.check_repetition and _is_frozen(radar, signal, of_clearance):
         kind = Kind.ZERO if signal.last == 0.0 else Kind.HOLD
         give_ground(signal.because, Ground.REPETITION, signal.repetition.run + 1, 0.0, 0.0)
         _convict(radar, settings, signal, kind)
+        _take_bias(radar, of_clearance)
+
+
+@inner
+def _take_bias(radar, of_clearance):
+    """A radar's own two signals contradict each other a little, for good: what its clearance would
+    say is so far beside a track that its relative velocity carries."""
+    if of_clearance:
+        radar.track.clearance += radar.clearance.bias
+        radar.clearance.bias = 0.0
 
 
 @inner

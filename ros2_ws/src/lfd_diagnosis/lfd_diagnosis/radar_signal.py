@@ -72,6 +72,7 @@ RADAR_SIGNAL = np.dtype(
         ("because", BECAUSE),
         ("tellable", "?"),
         ("coasted", "f8"),
+        ("bias", "f8"),
         ("estimate", "f8"),
         ("agreeing", "f8"),
         ("came_back", "?"),
@@ -112,7 +113,7 @@ def start_signal(signal, floor, std, lowest, learn):
 @inner
 def restart_signal(signal):
     """The next scan has nothing to do with those before."""
-    signal.last, signal.last_at = np.nan, -np.inf
+    signal.last, signal.last_at, signal.bias = np.nan, -np.inf, 0.0
     signal.residual = signal.limit = np.nan
     restart_roughness(signal.roughness)
     restart_repetition(signal.repetition)
