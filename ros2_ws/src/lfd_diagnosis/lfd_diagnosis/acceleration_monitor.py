@@ -556,6 +556,13 @@ def _take_if_worse(check, ground, residual, limit):
 
 
 @inner
+def _report_limit(monitor, settings):
+    """How far the lead's acceleration as seen may lie from its word, in m/s^2."""
+    sigma = settings.acceleration_sigma
+    return max(settings.acceleration_limit, sigma * deviation(monitor.report_noise))
+
+
+@inner
 def _against_report(monitor, settings, lead_report):
     """Blamed only for what it did itself: the lead's word or the radar may be wrong as well."""
     off = monitor.lead - lead_report.acceleration
@@ -563,8 +570,7 @@ def _against_report(monitor, settings, lead_report):
     monitor.report_off += share * (off - monitor.report_off)
     residual = monitor.report_off
     own = monitor.filtered - monitor.own_slow
-    sigma = settings.acceleration_sigma
-    limit = max(settings.acceleration_limit, sigma * deviation(monitor.report_noise))
+    limit = _report_limit(monitor, settings)
     if abs(residual) < 0.8 * limit and monitor.ticks % 10 == 0:
         learn_noise(monitor.report_noise, residual, 0.0)
     if own * residual < 0.0 or abs(own) < OWN_SHARE * abs(residual):
@@ -619,7 +625,7 @@ def _still_off_lead(monitor, settings, lead_report):
     monitor.off += 3.0 * STEP_S * (residual - monitor.off)
     _estimate_size(monitor, residual)
     monitor.size_std = BLIND_STD
-    limit = settings.acceleration_limit if trusted else settings.jump_limit
+    limit = _report_limit(monitor, settings) if trusted else settings.jump_limit
     set_check(monitor.check, Ground.OBSERVERS, residual, limit, monitor.kind, np.nan)
 
 
