@@ -140,7 +140,11 @@ def restart_roughness(roughness):
 
 @inner
 def take_roughness(roughness, value, healthy):
-    """Take one sample; only healthy ones are learnt from."""
+    """Take one sample; only healthy ones are learnt from.
+
+    One that repeats the sample before it is smooth, and what follows is held against those before:
+    a sensor that says everything twice climbs in stairs, and is no rougher for that.
+    """
     before = roughness.before
     if roughness.samples_before < 2:
         before[roughness.samples_before] = value
@@ -149,9 +153,11 @@ def take_roughness(roughness, value, healthy):
     first = abs(value - before[1])
     if EQUAL < first < roughness.resolution and healthy:
         roughness.resolution = first
-    second = value - 2.0 * before[1] + before[0]
-    before[0], before[1] = before[1], value
-    square = second * second
+    repeats = first <= EQUAL
+    square = 0.0
+    if not repeats:
+        square = (value - 2.0 * before[1] + before[0]) ** 2
+        before[0], before[1] = before[1], value
     known = roughness.known >= 3 * roughness.window
     usual = max(roughness.usual, (STEPS * roughness.resolution) ** 2)
     exceeds = known and square > ROUGH_RATIO * ROUGH_RATIO * usual

@@ -16,7 +16,7 @@ ONSET = {"clearance": 3.0, "relative_velocity": 2.0, "acceleration": 2.0}
 OBSERVABLE = 5.0
 """Times the sensor's noise from which on an error must be found."""
 
-MOVED = {"clearance": 0.3, "relative_velocity": 0.3, "acceleration": 0.3, "host_speed": 0.3}
+MOVED = {"clearance": 0.5, "relative_velocity": 0.3, "acceleration": 0.3, "host_speed": 0.3}
 """Error of a held signal from which on it has moved enough to tell, in its unit."""
 
 TIMEOUT = 0.2

@@ -1,0 +1,62 @@
+"""The image on plain Debian, built and run for real where buildah is (a part of `make soak`)."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parent.parent
+DOCKER = ROOT / "docker"
+BUILD = {**os.environ, "STORAGE_DRIVER": "vfs", "BUILDAH_ISOLATION": "chroot"}
+
+
+def run(*command: object, **options) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [str(word) for word in command], env=BUILD, capture_output=True, text=True, **options
+    )
+
+
+def test_services_share_network_memory_and_user_and_may_write_nothing() -> None:
+    services = yaml.safe_load((DOCKER / "compose.yaml").read_text())["services"]
+    assert set(services) == {"mpc_node", "observer_node", "diagnosis_node", "replay"}
+    for name, service in services.items():
+        assert service["user"] == "1000:1000" and service["read_only"], name
+        assert service["tmpfs"] == ["/tmp"] and service["cap_drop"] == ["ALL"], name
+        if name != "mpc_node":
+            assert service["ipc"] == service["network_mode"] == "service:mpc_node"
+        if name != "replay":
+            assert name in service["healthcheck"]["test"]
+    assert services["mpc_node"]["ipc"] == "shareable"
+
+
+def test_both_images_share_their_build_script() -> None:
+    for name in ("Dockerfile.ros", "Dockerfile.wheels"):
+        text = (DOCKER / name).read_text()
+        assert "RUN bash /opt/lfd/docker/build.sh" in text and "USER 1000:1000" in text
+
+
+@pytest.mark.skipif(os.environ.get("LFD_SOAK") != "1", reason="a part of `make soak`: NOT RUN here")
+def test_the_image_is_built_and_replays_without_root(tmp_path: Path, capfd) -> None:
+    if os.getuid() or not all(map(shutil.which, ("buildah", "debootstrap"))):
+        pytest.skip("needs root, buildah and debootstrap: NOT RUN here")
+    made = run("bash", DOCKER / "base.sh", tmp_path / "base")
+    assert made.returncode == 0, made.stderr[-2000:]
+    built = run("buildah", "build", "-f", DOCKER / "Dockerfile.wheels", "-t", "lfd:wheels", ROOT)
+    assert built.returncode == 0, built.stdout[-2000:] + built.stderr[-2000:]
+    container = run("buildah", "from", "lfd:wheels").stdout.strip()
+    try:
+        replay = "lfd_bringup replay --rate 0 --duration 5 --out /tmp/out"
+        inside = f"bash /opt/lfd/docker/entrypoint.sh {replay}"
+        script = f"id -u; touch /opt/lfd/x 2>&1; {inside} && ls /tmp/out"
+        done = run("buildah", "run", container, "--", "bash", "-c", script)
+        with capfd.disabled():
+            print("\n  " + "\n  ".join(done.stdout.strip().splitlines()[-3:]))
+        lines = done.stdout.splitlines()
+        assert done.returncode == 0, done.stderr
+        assert lines[0] == "1000" and "Permission denied" in lines[1]
+        assert "report.html" in done.stdout
+    finally:
+        run("buildah", "rm", container)
