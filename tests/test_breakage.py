@@ -6,6 +6,7 @@
 import os
 import random
 import resource
+import signal
 import subprocess
 import sys
 import time
@@ -41,7 +42,10 @@ from lfd_replay.drive_bag import write_drive
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.player import PlayerNode, PlayOptions
 from lfd_replay.profiles import graph_settings
-from ros_support import REPLAY_ARGUMENTS, Graph
+from ros_support import REPLAY_ARGUMENTS, Graph, next_domain
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
+from drives import long_drive  # noqa: E402
 
 SOAK = os.environ.get("LFD_SOAK") == "1"
 ROOT = Path(__file__).parent.parent
@@ -558,7 +562,6 @@ def _small_files() -> None:
 
 
 def replay(drive_file: Path, out: Path, **options) -> subprocess.CompletedProcess:
-    from ros_support import next_domain
 
     return subprocess.run(
         [ROOT / "run", "lfd_bringup", "replay", "--drive", drive_file, "--rate", "0", "--out", out],
@@ -588,9 +591,6 @@ def test_a_full_disk_leaves_what_fits_and_says_so(drive_file: Path, tmp_path: Pa
 
 
 def test_an_interrupted_replay_leaves_what_was_recorded(drive_file: Path, tmp_path: Path) -> None:
-    import signal
-
-    from ros_support import next_domain
 
     command = [ROOT / "run", "lfd_bringup", "replay", "--drive", drive_file, "--rate", "1"]
     process = subprocess.Popen(
@@ -627,9 +627,6 @@ def _resident() -> int:
 @pytest.mark.parametrize("profile", ["robust", "paper"])
 def test_a_long_drive_takes_no_more_memory_or_time_at_its_end(capfd, profile: str) -> None:
     """Through the step classes that the nodes use; every step equals the compiled evaluation."""
-    sys.path.insert(0, str(ROOT / "benchmarks"))
-    from drives import long_drive
-
     hours = 10.0 if SOAK else 0.03
     samples = long_drive(hours * 3600.0).samples
     expected = (row for rows in OfflineGraph(graph_settings(profile)).rows(samples) for row in rows)

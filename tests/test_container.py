@@ -54,6 +54,14 @@ def test_the_image_is_built_and_replays_without_root(tmp_path: Path, capfd) -> N
         done = run("buildah", "run", container, "--", "bash", "-c", script)
         with capfd.disabled():
             print("\n  " + "\n  ".join(done.stdout.strip().splitlines()[-3:]))
+        checked = run(
+            *("buildah", "run", container, "--", "bash", "-c"),
+            "export ROS_DOMAIN_ID=77; bash /opt/lfd/docker/health.sh mpc_node; echo $?; "
+            "bash /opt/lfd/docker/entrypoint.sh lfd_mpc mpc_node & node=$!; sleep 5; "
+            "bash /opt/lfd/docker/health.sh mpc_node; echo $?; kill -INT $node; wait $node",
+        )
+        statuses = [line for line in checked.stdout.splitlines() if line in "01"]
+        assert statuses == ["1", "0"], checked.stdout
         lines = done.stdout.splitlines()
         assert done.returncode == 0, done.stderr
         assert lines[0] == "1000" and "Permission denied" in lines[1]

@@ -11,6 +11,7 @@ from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from test_live_equals_offline import drive
 from test_player import call, pump_until
@@ -18,23 +19,26 @@ from visualization_msgs.msg import MarkerArray
 
 from lfd_bringup.layouts import LAYOUTS, PLOTS, curves
 from lfd_bringup.recorder import TOPICS, RecorderNode
+from lfd_diagnosis.diagnosis import make_diagnosis
 from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.sensor_health import HARDWARE, LEVELS, SensorHealth
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import VERDICTS, State
 from lfd_mpc.health import Level, StepHealth
 from lfd_mpc.mpc_node import INPUT_TOPICS, MpcNode
+from lfd_mpc.node_support import PIPELINE_QOS, READY_QOS
 from lfd_mpc.settings import MpcSettings
 from lfd_msgs.msg import FaultReport, RadarTarget, SignalFault
 from lfd_msgs.srv import InjectFault
 from lfd_observer.observer_node import ObserverNode
 from lfd_observer.settings import BankSettings
 from lfd_replay.fault_injector import FaultInjectorNode
-from lfd_replay.faults import parse_faults
+from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.parameter_table import parameter_table
 from lfd_replay.player import PlayerNode, PlayOptions
 from lfd_replay.profiles import graph_settings
+from lfd_replay.sample_publishers import SamplePublishers
 from ros_support import REPLAY_ARGUMENTS, Graph
 
 ROOT = Path(__file__).parent.parent
@@ -92,8 +96,6 @@ def play_with_diagnostics(graph: Graph, fault: str, seconds: float = 3.0) -> dic
     graph.spin_until(lambda: watcher.messages, "first statuses")
     samples = drive(seconds)
     if fault:
-        from lfd_replay.faults import FaultInjector
-
         samples = FaultInjector(parse_faults([fault]), 0, 0).apply(samples)
     graph.play(samples, 1.0, ["mpc_node", "observer_node", "diagnosis_node"])
     count = len(watcher.messages)
@@ -257,7 +259,6 @@ def pump_during(graph: Graph, player: PlayerNode, node: str, name: str, value) -
 
 def test_changed_settings_judge_as_if_they_had_been_there() -> None:
     """Limits that are changed in the middle are those of a graph that was started with them."""
-    from lfd_diagnosis.diagnosis import make_diagnosis
 
     samples = drive(4.0)
     steps = list(OfflineGraph(graph_settings("robust")).run(samples))
@@ -332,6 +333,34 @@ def test_a_paused_player_goes_on_step_by_step(graph: Graph) -> None:
     assert held + 0.04 <= player.played <= held + 0.05
 
 
+# --- start
+
+
+def test_nodes_come_up_in_any_order_and_name_what_they_wait_for(graph: Graph, capfd) -> None:
+    ready = Watcher(graph, String, "ready", READY_QOS)
+    output = ""
+
+    def said(words: str) -> bool:
+        nonlocal output
+        output += capfd.readouterr().err
+        return words in output
+
+    graph.add(DiagnosisNode(context=graph.context))
+    graph.spin_until(
+        lambda: said("waiting for a publisher on mpc/horizon, observer/bank"), "it says so"
+    )
+    assert output.count("waiting for a publisher") == 1
+    graph.add(ObserverNode(context=graph.context))
+    graph.add(MpcNode(context=graph.context))
+    graph.spin_until(lambda: len(ready.messages) == 2, "diagnosis and bank are ready")
+    graph.spin_until(
+        lambda: said("waiting for a publisher on radar/target, vehicle/imu"), "mpc_node waits"
+    )
+    graph.add(PlayerNode(drive(1.0), PlayOptions(), ["mpc_node"], graph.context))
+    graph.spin_until(lambda: len(ready.messages) == 3, "all are ready")
+    assert {m.data for m in ready.messages} == {"/mpc_node", "/observer_node", "/diagnosis_node"}
+
+
 # --- quality of service, namespaces
 
 
@@ -393,9 +422,6 @@ def test_two_vehicles_share_one_graph(graph: Graph) -> None:
         recorders[car] = Watcher(graph, FaultReport, f"/{car}/diagnosis/faults", 5000)
     watcher = Watcher(graph, DiagnosticArray, "/diagnostics", 100)
     samples = {"car1": drive(2.5), "car2": drive(2.5)}
-    from lfd_mpc.node_support import PIPELINE_QOS
-    from lfd_replay.faults import FaultInjector
-    from lfd_replay.sample_publishers import SamplePublishers
 
     samples["car1"] = FaultInjector(parse_faults(["offset:acceleration=4@1-2.5"]), 0, 0).apply(
         samples["car1"]
