@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -84,6 +85,30 @@ def test_security_that_would_not_be_enforced_is_refused(environment: dict, named
     )
     assert done.returncode == 2 and named in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("given", "used"),
+    [
+        ({}, "LOCALHOST"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, "SUBNET"),
+        ({"ROS_STATIC_PEERS": "192.0.2.1"}, "None"),
+    ],
+)
+def test_discovery_stays_on_the_machine_unless_told_otherwise(given: dict, used: str) -> None:
+    own = {k: v for k, v in os.environ.items() if k != "ROS_AUTOMATIC_DISCOVERY_RANGE"}
+    script = (
+        "import os; from lfd_mpc.node_support import start_ros; start_ros([]); "
+        "print(os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE'))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        env={**own, **given, "ROS_DOMAIN_ID": str(next_domain())},
+        capture_output=True,
+        text=True,
+        timeout=30,
+    )
+    assert done.stdout.strip() == used, done.stderr
 
 
 def test_enforcement_where_there_is_a_secured_installation() -> None:

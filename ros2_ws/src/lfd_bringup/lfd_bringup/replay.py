@@ -19,7 +19,7 @@ from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.verdict import Event, State
 from lfd_mpc.errors import UserError
 from lfd_mpc.mpc_node import MpcNode
-from lfd_mpc.node_support import make_executor
+from lfd_mpc.node_support import make_executor, start_ros
 from lfd_observer.observer_node import ObserverNode
 from lfd_replay.bag_player import add_play_options, play, play_options
 from lfd_replay.drive import Drive
@@ -114,7 +114,7 @@ def main_replay(arguments: list[str]) -> int:
     console.print(f"replay of {drive.name}: {drive.duration:.1f} s, profile {options.profile}")
     for fault in faults:
         console.print(f"  injected: {fault.text}", markup=False, highlight=False)
-    rclpy.init(args=arguments)
+    start_ros(arguments)
     executor = make_executor()
     nodes: list[Node] = []
     try:

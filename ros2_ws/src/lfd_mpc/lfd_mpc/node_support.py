@@ -220,6 +220,17 @@ def _refuse_pretended_security() -> None:
         )
 
 
+def start_ros(args: list[str] | None) -> None:
+    """Initialise ROS, seen by this machine alone unless the environment says otherwise.
+
+    Raises UserError for security that was asked for but would not be enforced.
+    """
+    _refuse_pretended_security()
+    if "ROS_STATIC_PEERS" not in os.environ:
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    rclpy.init(args=args)
+
+
 def run_node(make: Callable[[], Node], args: list[str] | None = None) -> int:
     """Spin one node until it is told to stop; returns the exit status."""
     if {"-h", "--help"} & set(sys.argv[1:] if args is None else args):
@@ -228,8 +239,7 @@ def run_node(make: Callable[[], Node], args: list[str] | None = None) -> int:
         return 0
     node = None
     try:
-        _refuse_pretended_security()
-        rclpy.init(args=args)
+        start_ros(args)
         node = make()
         executor = make_executor()
         executor.add_node(node)

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.node_support import make_executor
+from lfd_mpc.node_support import make_executor, start_ros
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import add_drive_options, warn
 from lfd_replay.faults import parse_faults
@@ -99,7 +99,7 @@ def main_play(arguments: list[str]) -> int:
     if wait_for is None:
         wait_for = list(GRAPH_NODES) if playing.rate == 0.0 else []
 
-    rclpy.init(args=arguments)
+    start_ros(arguments)
     try:
         player = PlayerNode(samples, playing, wait_for)
         executor = make_executor()
