@@ -24,6 +24,7 @@ from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.sensor_health import HARDWARE, LEVELS, SensorHealth
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import VERDICTS, State
+from lfd_mpc.controller import Controller
 from lfd_mpc.health import Level, StepHealth
 from lfd_mpc.mpc_node import INPUT_TOPICS, MpcNode
 from lfd_mpc.node_support import PIPELINE_QOS, READY_QOS
@@ -244,6 +245,24 @@ def test_a_threshold_changed_while_running_holds_from_the_next_step_on(graph: Gr
         lambda: recorder.messages("diagnosis/faults")[-1].acceleration.state == SignalFault.OK,
         "the paper profile judges",
     )
+
+
+def test_weights_and_gains_change_while_running(graph: Graph) -> None:
+    recorder = graph.add(RecorderNode(lambda event: None, context=graph.context))
+    graph.add_graph(REPLAY_ARGUMENTS)
+    options, nodes = PlayOptions(rate=1.0), ["mpc_node", "observer_node", "diagnosis_node"]
+    player = graph.add(PlayerNode(drive(5.0), options, nodes, graph.context))
+    pump_until(graph, player, lambda: player.played > 1.0, "a second")
+    pump_during(graph, player, "mpc_node", "relative_velocity_weight", 50.0)
+    pump_during(graph, player, "observer_node", "weight_decay", 0.5)
+    held = player.played
+    pump_until(graph, player, lambda: player.played > held + 0.5, "some more")
+    after, bank = recorder.messages("mpc/horizon")[-1], recorder.messages("observer/bank")[-1]
+    inputs = after.clearance, after.relative_velocity, after.acceleration, after.host_speed
+    weighed = Controller(MpcSettings(relative_velocity_weight=50.0)).solve(*inputs).command
+    assert after.valid and after.command == pytest.approx(weighed, abs=1e-9)
+    assert abs(weighed - Controller(MpcSettings()).solve(*inputs).command) > 0.01
+    assert bank.weights[1] == pytest.approx(0.5 * bank.weights[0])
 
 
 def pump_during(graph: Graph, player: PlayerNode, node: str, name: str, value) -> None:
