@@ -171,17 +171,39 @@ def test_pairs_come_in_order_whichever_half_arrives_first() -> None:
 
 def test_a_pause_of_simulated_time_is_no_silence_but_a_dead_clock_is() -> None:
     watch = SilenceWatch(0.0)
-    assert not watch.silent(10.0, simulated_time=True)
-    assert watch.silent(10.0, simulated_time=False)
+
+    def silent(wall: float, simulated_time: bool) -> bool:
+        """At the second look."""
+        watch.silent(wall, simulated_time)
+        return watch.silent(wall, simulated_time)
+
+    assert not silent(10.0, simulated_time=True)
+    assert silent(10.0, simulated_time=False)
     watch.clock(10.0, 5.0)
     watch.heard(10.0)
     watch.clock(10.0 + LIMIT + 0.1, 5.0)
-    assert not watch.silent(10.0 + LIMIT + 0.1, simulated_time=True)
+    assert not silent(10.0 + LIMIT + 0.1, simulated_time=True)
     watch.clock(11.0, 5.0 + LIMIT + 0.1)
-    assert watch.silent(11.0, simulated_time=True)
+    assert silent(11.0, simulated_time=True)
     watch.heard(11.0)
-    assert not watch.silent(11.0 + CLOCK_LOST - 0.1, simulated_time=True)
-    assert watch.silent(11.1 + CLOCK_LOST, simulated_time=True)
+    assert not silent(11.0 + CLOCK_LOST - 0.1, simulated_time=True)
+    assert silent(11.1 + CLOCK_LOST, simulated_time=True)
+
+
+def test_silence_takes_two_looks_and_longer_where_steps_come_in_bursts() -> None:
+    watch = SilenceWatch(0.0)
+    for number in range(100):
+        watch.heard(0.01 * number)
+    last = 0.99
+    almost = last + LIMIT - 0.001
+    assert not watch.silent(almost, False) and not watch.silent(almost, False)
+    assert not watch.silent(last + LIMIT + 0.001, False)
+    assert watch.silent(last + LIMIT + 0.03, False)
+    watch.heard(last + LIMIT + 0.04)
+    assert not watch.silent(last + LIMIT + 0.05, False)
+    for number in range(100):
+        watch.heard(2.0 + 0.2 * number)
+    assert watch.limit == pytest.approx(0.3)
 
 
 def test_the_reason_says_what_the_radar_says_of_itself() -> None:

@@ -61,7 +61,7 @@ FRAME_PARAMETER = ParameterDescriptor(
 MARKER_STEPS = 5
 """Steps between two pictures."""
 
-WATCH_PERIOD = 0.04
+WATCH_PERIOD = 0.03
 """Seconds between looks at whether anything arrives."""
 
 

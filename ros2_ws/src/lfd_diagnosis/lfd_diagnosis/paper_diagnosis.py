@@ -226,11 +226,12 @@ def _reconstruct(state, arrays, settings, relative, outcome):
 
 @inner
 def paper_silence(state, settings, stamp, outcome):
-    """Nothing arrives at all: what is said (of no step) at `stamp` (ns)."""
+    """Nothing arrives at all: what is said (of no step) at `stamp` (ns).
+
+    Steps that come late go on where they were: what counts is told by stamps, not by this.
+    """
     outcome.stamp, outcome.step, outcome.starts_anew = stamp, 0, False
     outcome.evidence.silent = True
-    state.clearance_confidence = state.relative_velocity_confidence = 0
-    state.acceleration_confidence = 0
     nothing, threshold = State.NO_DATA, settings.clearance_threshold
     _say(outcome.clearance, settings, nothing, np.nan, threshold, 0)
     threshold = settings.relative_velocity_threshold

@@ -1,6 +1,6 @@
 """Whether nothing arrives at all, judged by a wall clock that a paused replay can hold."""
 
-LIMIT = 0.12
+LIMIT = 0.1
 """Seconds without a step after which the sensors count as silent, where steps come steadily."""
 
 LONGEST = 0.5
@@ -20,6 +20,7 @@ class SilenceWatch:
         """`wall`: present wall time in s."""
         self._heard = wall
         self._usual = 0.0
+        self._suspected = False
         self._clock_heard: float | None = None
         self._simulated = 0.0
         self._simulated_heard: float | None = None
@@ -36,6 +37,7 @@ class SilenceWatch:
         if pause < LONGEST:
             self._usual = max(pause, KEEP * self._usual)
         self._heard = wall
+        self._suspected = False
         self._simulated_heard = self._simulated
 
     @property
@@ -44,7 +46,15 @@ class SilenceWatch:
         return min(max(LIMIT, BURSTS * self._usual), LONGEST)
 
     def silent(self, wall: float, simulated_time: bool) -> bool:
-        """Whether to say now that nothing arrives; `simulated_time`: /clock is to be followed."""
+        """Whether to say now that nothing arrives; `simulated_time`: /clock is to be followed.
+
+        It takes two looks, with time between them to take what is waiting: where this process
+        itself had stalled, steps are not missing but late.
+        """
+        before, self._suspected = self._suspected, self._is_silent(wall, simulated_time)
+        return before and self._suspected
+
+    def _is_silent(self, wall: float, simulated_time: bool) -> bool:
         if wall - self._heard <= self.limit:
             return False
         if not simulated_time:
