@@ -201,6 +201,8 @@ def test_silence_takes_two_looks_and_longer_where_steps_come_in_bursts() -> None
     assert watch.silent(last + LIMIT + 0.03, False)
     watch.heard(last + LIMIT + 0.04)
     assert not watch.silent(last + LIMIT + 0.05, False)
+    watch.heard(1.5)
+    assert watch.limit == LIMIT, "one pause alone is none that may come again"
     for number in range(100):
         watch.heard(2.0 + 0.2 * number)
     assert watch.limit == pytest.approx(0.3)

@@ -1,13 +1,16 @@
 """Whether nothing arrives at all, judged by a wall clock that a paused replay can hold."""
 
+from collections import deque
+
 LIMIT = 0.1
 """Seconds without a step after which the sensors count as silent, where steps come steadily."""
 
 LONGEST = 0.5
 """The same at most, where steps come in bursts: inputs may be slow."""
 
-BURSTS, KEEP = 1.5, 0.98
-"""Usual times between bursts that make the limit, and how slowly they are forgotten."""
+BURSTS, OFTEN, MEMORY = 1.5, 3, 2.0
+"""Times between bursts that make the limit, how many must be as long, and for how many seconds they
+are remembered: one pause alone is none that may come again."""
 
 CLOCK_LOST = 2.0
 """Seconds without a /clock message after which simulated time no longer holds the wall clock."""
@@ -19,7 +22,7 @@ class SilenceWatch:
     def __init__(self, wall: float) -> None:
         """`wall`: present wall time in s."""
         self._heard = wall
-        self._usual = 0.0
+        self._pauses: deque[tuple[float, float]] = deque(maxlen=100)
         self._suspected = False
         self._clock_heard: float | None = None
         self._simulated = 0.0
@@ -34,8 +37,8 @@ class SilenceWatch:
     def heard(self, wall: float) -> None:
         """A step was answered at wall time (s)."""
         pause = wall - self._heard
-        if pause < LONGEST:
-            self._usual = max(pause, KEEP * self._usual)
+        if LIMIT / 2.0 < pause < LONGEST:
+            self._pauses.append((wall, pause))
         self._heard = wall
         self._suspected = False
         self._simulated_heard = self._simulated
@@ -43,7 +46,12 @@ class SilenceWatch:
     @property
     def limit(self) -> float:
         """Seconds without a step that are silence."""
-        return min(max(LIMIT, BURSTS * self._usual), LONGEST)
+        while self._pauses and self._heard - self._pauses[0][0] > MEMORY:
+            self._pauses.popleft()
+        if len(self._pauses) < OFTEN:
+            return LIMIT
+        usual = sorted(pause for _, pause in self._pauses)[-OFTEN]
+        return min(max(LIMIT, BURSTS * usual), LONGEST)
 
     def silent(self, wall: float, simulated_time: bool) -> bool:
         """Whether to say now that nothing arrives; `simulated_time`: /clock is to be followed.

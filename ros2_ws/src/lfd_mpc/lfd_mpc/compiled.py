@@ -28,6 +28,7 @@ PACKAGES = ("lfd_mpc", "lfd_observer", "lfd_diagnosis", "lfd_replay")
 
 NOT_COMPILED = (
     "_node.py",
+    "silence.py",
     "__init__.py",
     "health.py",
     "node_support.py",
