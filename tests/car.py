@@ -27,6 +27,22 @@ class Car:
         self._base = time.time_ns() // STEP_NS * STEP_NS
         self._begin = time.perf_counter()
 
+    def wait_until_heard(self) -> None:
+        """Until the graph's nodes have found each other, and this car; its clock begins then."""
+        outputs = ("mpc/horizon", "observer/bank", "diagnosis/faults")
+        self.graph.spin_until(
+            lambda: (
+                self._radar.get_subscription_count()
+                and self._imu.get_subscription_count()
+                and all(map(self.node.count_publishers, outputs))
+                and all(map(self.node.count_subscribers, outputs))
+            ),
+            "the graph hears the car",
+        )
+        self.graph.spin_for(0.3)
+        self._base = time.time_ns() // STEP_NS * STEP_NS
+        self._begin = time.perf_counter()
+
     @property
     def stamp(self) -> int:
         """Of the newest acceleration sample, in ns."""

@@ -19,7 +19,7 @@ from lfd_replay.profiles import graph_settings, profile_file_text
 from lfd_replay.read_drive import ReadOptions, read_drive
 
 SOAK = os.environ.get("LFD_SOAK") == "1"
-COUNT = 50_000 if SOAK else 200
+COUNT = 50_000 if SOAK else 100
 LONGEST = 5.0
 """Seconds that nothing of such size may take."""
 
