@@ -16,5 +16,5 @@ done
 container=$(buildah from scratch)
 buildah copy -q "$container" "$folder" /
 buildah config --env SSL_CERT_FILE="$certificates" --env PIP_CERT="$certificates" "$container"
-buildah commit -q "$container" docker.io/library/debian:bookworm-slim
+buildah commit -q "$container" debian:bookworm-slim
 buildah rm "$container" >/dev/null
