@@ -59,7 +59,11 @@ NODES = {
     "diagnosis_node": "lfd_diagnosis",
 }
 SIGNALS = ("clearance", "relative_velocity", "radar", "acceleration")
+MEASURED = ("clearance", "relative_velocity", "acceleration")
 
+
+SLACK = 1.0 if SOAK else 3.0
+"""What a short form allows beyond a figure: it runs wherever `make test` does, beside anything."""
 
 NO_REPORT = 0.1
 """Seconds without a report after which a subscriber must take every signal for NO_DATA."""
@@ -220,10 +224,10 @@ def test_a_killed_node_is_noticed_and_its_successor_takes_over(capfd) -> None:
             f"{np.median(resumed):.2f} s ({max(resumed):.2f}) after its process was started; "
             f"false faults: {len(reports.faults())}",
         )
-        assert max(silent) <= 0.2
-        assert max(told) <= 1.0
+        assert max(silent) <= 0.2 * SLACK
+        assert max(told) <= 1.0 * SLACK
         # Discovery takes up to some seconds by chance.
-        assert np.median(since_ready) <= 1.0 and max(since_ready) <= 4.0
+        assert np.median(since_ready) <= 1.0 * SLACK and max(since_ready) <= 4.0 * SLACK
         assert reports.faults() == []
 
 
@@ -326,8 +330,22 @@ def test_fuzzed_sensors_never_end_the_graph_or_pass_for_healthy(capfd) -> None:
         graph.add_graph()
         reports = Reports(graph)
         node = graph.add(rclpy.create_node("fuzzer", context=graph.context))
-        horizons: list[PredictionHorizon] = []
-        node.create_subscription(PredictionHorizon, "mpc/horizon", horizons.append, PIPELINE_QOS)
+        # Kept are only the numbers that are judged: a million messages are more than memory.
+        finite: dict[int, tuple[bool, ...]] = {}
+        last = PredictionHorizon()
+
+        def on_horizon(horizon: PredictionHorizon) -> None:
+            nonlocal last
+            last = horizon
+            finite[horizon.step] = tuple(
+                math.isfinite(getattr(horizon, f"measured_{name}")) for name in MEASURED
+            )
+            assert abs(horizon.command) <= 5.0
+            for name in ("acceleration", "host_speed"):
+                value = getattr(horizon, f"measured_{name}")
+                assert math.isfinite(value) or getattr(horizon, f"{name}_stale"), name
+
+        node.create_subscription(PredictionHorizon, "mpc/horizon", on_horizon, PIPELINE_QOS)
         publishers = {
             topic: node.create_publisher(kind, topic, 1000)
             for topic, kind in (
@@ -348,18 +366,13 @@ def test_fuzzed_sensors_never_end_the_graph_or_pass_for_healthy(capfd) -> None:
 
         publish_in_bursts(graph, message, count)
         graph.spin_for(0.5)
-        assert horizons and reports.seen
-        last = horizons[-1]
-        for horizon in horizons[-20_000:]:
-            assert abs(horizon.command) <= 5.0
-            for name in ("acceleration", "host_speed"):
-                value = getattr(horizon, f"measured_{name}")
-                assert np.isfinite(value) or getattr(horizon, f"{name}_stale"), name
-        given = {horizon.step: horizon for horizon in horizons}
+        assert finite and reports.seen
+        steps = len(finite)
         for _, report in reports.seen:
-            for name in ("clearance", "relative_velocity", "acceleration"):
+            for number, name in enumerate(MEASURED):
                 if report.step and getattr(report, name).state == SignalFault.OK:
-                    assert np.isfinite(getattr(given[report.step], f"measured_{name}")), name
+                    assert finite[report.step][number], name
+        fuzzed = last
         # After a second of silence healthy sensors are judged again.
         graph.spin_for(1.0)
         car = Car(graph, graph.add(rclpy.create_node("car", context=graph.context)))
@@ -369,11 +382,11 @@ def test_fuzzed_sensors_never_end_the_graph_or_pass_for_healthy(capfd) -> None:
             car.step()
         figures(
             capfd,
-            f"{count} fuzzed sensor messages: {len(horizons)} steps, {last.bad_samples} samples "
-            f"that were no numbers, {last.refused_samples} refused, {last.late_samples} late; "
+            f"{count} fuzzed sensor messages: {steps} steps, {fuzzed.bad_samples} samples "
+            f"that were no numbers, {fuzzed.refused_samples} refused, {fuzzed.late_samples} late; "
             "healthy again",
         )
-        assert last.bad_samples > 0 and last.refused_samples > 0
+        assert fuzzed.bad_samples > 0 and fuzzed.refused_samples > 0
 
 
 @pytest.mark.parametrize("profile", ["robust", "paper"])
@@ -421,7 +434,7 @@ def test_fuzzed_horizons_and_banks_never_end_a_node_or_pass_for_healthy(capfd, p
             if given is None or not report.step:
                 continue
             judged += 1
-            for name in ("clearance", "relative_velocity", "acceleration"):
+            for name in MEASURED:
                 if getattr(report, name).state == SignalFault.OK:
                     assert np.isfinite(getattr(given, f"measured_{name}")), name
         refused = diagnosis._health.health("steps", 0.0, {}).values["refused messages"]
@@ -454,7 +467,7 @@ def test_jumps_of_time_restart_with_a_reason_and_blame_no_one(capfd) -> None:
             car._base += round(jump * 100) * STEP_NS
             begun = time.perf_counter()
             car.drive(0.3)
-            deadline = begun + 5.0
+            deadline = begun + 5.0 * SLACK
             while not is_judging(reports.seen[-1][1]):
                 assert time.perf_counter() < deadline, f"after a jump of {jump} s"
                 car.step()
@@ -583,7 +596,7 @@ def test_under_load_steps_are_late_but_never_mixed_up(capfd) -> None:
             f"{max(late) * 1e3:.0f} ms at most; false faults: {len(reports.faults())}",
         )
         assert stamps == sorted(set(stamps)), "steps in order, none twice"
-        assert len(stamps) >= 0.99 * wanted
+        assert len(stamps) >= (1.0 - 0.01 * SLACK) * wanted
         assert reports.faults() == []
 
 
