@@ -76,7 +76,106 @@ class HorizonSettings(Settings):
     )
 
 
-class MpcSettings(HorizonSettings):
+class DrivingSettings(Settings):
+    """Settings of the controller where it drives the car (`driving.py`)."""
+
+    driving: bool = setting(
+        False,
+        "1",
+        "drive the car: the command follows the verdicts; off = plan beside a human driver",
+        "closed loop",
+        fixed=True,
+    )
+    set_speed: float = setting(
+        33.0, "m/s", "speed that is kept where no lead is slower", "120 km/h", ge=0.0, le=70.0
+    )
+    control_period: float = setting(
+        0.2,
+        "s",
+        "one step of the horizon that the car is driven by",
+        "docs/closed-loop.md",
+        fixed=True,
+        ge=0.02,
+        le=0.5,
+    )
+    control_steps: int = setting(
+        25, "steps", "length of that horizon", "docs/closed-loop.md", fixed=True, ge=5, le=60
+    )
+    control_clearance_weight: float = setting(
+        0.04, "1/m^2", "weight of the clearance error", "docs/closed-loop.md", gt=0.0, le=1e3
+    )
+    control_velocity_weight: float = setting(
+        0.4, "s^2/m^2", "weight of the relative velocity", "docs/closed-loop.md", gt=0.0, le=1e3
+    )
+    control_acceleration_weight: float = setting(
+        0.3, "s^4/m^2", "weight of the acceleration", "docs/closed-loop.md", ge=0.0, le=1e3
+    )
+    control_change_weight: float = setting(
+        4.0,
+        "s^4/m^2",
+        "weight of a change of the command from step to step",
+        "docs/closed-loop.md",
+        gt=0.0,
+        le=1e3,
+    )
+    actuator_lag: float = setting(
+        0.25, "s", "lag of powertrain and brakes", "vehicle model", ge=0.02, le=2.0
+    )
+    lead_acceleration_time: float = setting(
+        1.5,
+        "s",
+        "time in which the lead's acceleration is expected to fade",
+        "docs/closed-loop.md",
+        ge=0.05,
+        le=20.0,
+    )
+    comfortable_acceleration: float = setting(
+        1.5, "m/s^2", "largest acceleration of the car", "ISO 15622: 2.0 above 20 m/s", gt=0, le=4.0
+    )
+    comfortable_braking: float = setting(
+        1.5,
+        "m/s^2",
+        "deceleration with which a slower lead is approached",
+        "docs/closed-loop.md",
+        gt=0.0,
+        le=5.0,
+    )
+    comfortable_jerk: float = setting(
+        2.0, "m/s^3", "largest change of the command per second", "ISO 15622: 2.5", gt=0.0, le=20.0
+    )
+    emergency_braking: float = setting(
+        8.0, "m/s^2", "deceleration of an emergency", "dry road", gt=0.0, le=12.0
+    )
+    emergency_jerk: float = setting(
+        20.0, "m/s^3", "largest jerk where the lead comes too near", "brakes", gt=0.0, le=100.0
+    )
+    stopping_deceleration: float = setting(
+        2.5,
+        "m/s^2",
+        "deceleration of a stop that the driver did not take over",
+        "ISO 15622",
+        gt=0.0,
+        le=5.0,
+    )
+    degraded_gap: float = setting(
+        1.3,
+        "1",
+        "the desired clearance is so many times as large while a sensor is faulty",
+        "docs/closed-loop.md",
+        ge=1.0,
+        le=3.0,
+    )
+    decision_timeout: float = setting(
+        0.15,
+        "s",
+        "age of the decision above which it is taken for lost: the car is stopped comfortably",
+        "contract: 0.15 s",
+        gt=0.02,
+        le=5.0,
+    )
+
+
+class MpcSettings(DrivingSettings, HorizonSettings):
     """Settings of the controller, eqs 1 to 10."""
 
     preview_time: float = setting(

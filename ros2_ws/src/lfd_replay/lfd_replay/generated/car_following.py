@@ -50,7 +50,7 @@ class Truth:
     """What really happens, every 10 ms: arrays of equal length in s, m, m/s and m/s^2.
 
     `grade` is the slope of the road (1 = 45 degrees), `track_id` tells the leads apart, `bumps`
-    are times in s.
+    are times in s. `pitch` of the body in rad, nose up; None = in proportion to the acceleration.
     """
 
     time: Array
@@ -62,6 +62,7 @@ class Truth:
     grade: Array
     track_id: NDArray[np.int64]
     bumps: tuple[float, ...]
+    pitch: Array | None = None
 
 
 def simulate(profile: Profile, driver: Driver) -> Truth:

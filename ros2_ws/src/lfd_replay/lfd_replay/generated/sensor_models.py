@@ -64,6 +64,26 @@ class Noise:
 
 
 @dataclass(frozen=True)
+class RadarPlan:
+    """Scans to come, arrays of equal length: `times` of their stamps and when what they say was
+    `measured`, in s; what they are off by, in m and m/s."""
+
+    times: Array
+    measured: Array
+    clearance_noise: Array
+    velocity_noise: Array
+    outliers: Array
+
+
+@dataclass(frozen=True)
+class SamplePlan:
+    """Samples to come of one number, arrays of equal length: `times` in s, and their `noise`."""
+
+    times: Array
+    noise: Array
+
+
+@dataclass(frozen=True)
 class Radar:
     """A radar, or what stands for one."""
 
@@ -81,13 +101,29 @@ class Radar:
     outlier_period: tuple[float, float] | None = (45.0, 75.0)  # s, evenly spread
     outlier: float = 1.5  # m, nearer or farther
 
-    def sense(self, truth: Truth, generator: np.random.Generator) -> list[Sample]:
-        """The scans of a drive."""
-        grid = np.arange(0.0, truth.time[-1] - self.latest, self.period)
+    def plan(self, duration: float, generator: np.random.Generator) -> "RadarPlan":
+        """When it will scan within `duration` s, and by how much it will be off."""
+        grid = np.arange(0.0, duration - self.latest, self.period)
         late = generator.exponential(self.lateness, len(grid)) if self.lateness else 0.0 * grid
         times = grid + late.clip(max=self.latest)
         measured = (times - self.delay).clip(min=0.0)
         measured = np.repeat(measured[:: self.refresh], self.refresh)[: len(times)]
+        count = -(-len(times) // self.refresh)
+        noise = [
+            np.repeat(_remembering(count, rms, memory, generator), self.refresh)[: len(times)]
+            for rms, memory in (
+                (self.clearance_noise, self.clearance_memory),
+                (self.velocity_noise, self.velocity_memory),
+            )
+        ]
+        outliers = np.zeros(len(times))
+        for k in self._outliers(times, generator):
+            outliers[k] += self.outlier * generator.choice((-1.0, 1.0))
+        return RadarPlan(times, measured, noise[0], noise[1], outliers)
+
+    def scans(self, truth: Truth, plan: "RadarPlan") -> list[Sample]:
+        """What is seen of the truth at the planned times."""
+        times, measured = plan.times, plan.measured
         clearance = np.interp(measured, truth.time, truth.clearance)
         velocity = np.interp(measured, truth.time, truth.relative_velocity)
         # Across a change of lead nothing is interpolated.
@@ -95,16 +131,8 @@ class Radar:
         changed = truth.track_id[seen] != truth.track_id[(seen + 1).clip(max=len(truth.time) - 1)]
         clearance[changed] = truth.clearance[seen[changed]]
         velocity[changed] = truth.relative_velocity[seen[changed]]
-
-        count = -(-len(times) // self.refresh)
-        for values, noise, memory in (
-            (clearance, self.clearance_noise, self.clearance_memory),
-            (velocity, self.velocity_noise, self.velocity_memory),
-        ):
-            drawn = _remembering(count, noise, memory, generator)
-            values += np.repeat(drawn, self.refresh)[: len(times)]
-        for k in self._outliers(times, generator):
-            clearance[k] += self.outlier * generator.choice((-1.0, 1.0))
+        clearance = clearance + plan.clearance_noise + plan.outliers
+        velocity = velocity + plan.velocity_noise
         clearance = _quantised(clearance.clip(min=0.0), self.clearance_step)
         velocity = _quantised(velocity, self.velocity_step)
         return [
@@ -126,6 +154,15 @@ class Radar:
 
 
 @dataclass(frozen=True)
+class FeltPlan(SamplePlan):
+    """Samples of an accelerometer: what each is `off` by slowly besides the bias, and the bumps' first swings
+    (of another length), in m/s^2."""
+
+    off: Array
+    swings: Array
+
+
+@dataclass(frozen=True)
 class Accelerometer:
     """What feels the host's acceleration, or is computed from its speed."""
 
@@ -140,33 +177,52 @@ class Accelerometer:
     lag: float = 0.0  # s
     differentiated: bool = False
 
-    def sense(self, truth: Truth, generator: np.random.Generator) -> list[Sample]:
-        """The samples of a drive."""
-        ideal = np.arange(round(truth.time[-1] / self.period)) * self.period
+    def plan(self, duration: float, bumps: int, generator: np.random.Generator) -> "FeltPlan":
+        """When it will speak within `duration` s, and by how much it will be off."""
+        ideal = np.arange(round(duration / self.period)) * self.period
         times = ideal + generator.uniform(0.0, self.jitter, len(ideal))
+        off, swings = np.zeros(len(times)), np.zeros(0)
+        if not self.differentiated:
+            # The road does not become uneven at the start of the drive only.
+            keep = np.exp(-self.period / self.wander_time)
+            off = _remembering(len(times), self.wander, keep, generator)
+            swings = np.array([self.bump * generator.uniform(0.6, 1.0) for _ in range(bumps)])
+        noise = self.noise.draw(len(times), 1 / self.period, generator)
+        return FeltPlan(times, noise, off, swings)
+
+    def samples(self, truth: Truth, plan: "FeltPlan") -> list[Sample]:
+        """What is felt of the truth at the planned times."""
+        times = plan.times
         if self.differentiated:
             speed = np.interp(times, truth.time, truth.host_speed)
             value = np.gradient(speed, times)
         else:
-            value = self._felt(truth, times, generator)
-        value += self.noise.draw(len(times), 1 / self.period, generator)
+            value = self._felt(truth, times) + self.bias + plan.off
+            for bump, swing in zip(truth.bumps, plan.swings, strict=True):
+                later = times - bump
+                burst = np.exp(-later.clip(min=0.0) / 0.12) * np.sin(2 * np.pi * 12.0 * later)
+                value += swing * np.where(later > 0, burst, 0.0)
+        value += plan.noise
         return [
             ScalarSample(ACCELERATION, _stamp(t), float(v))
             for t, v in zip(times, value, strict=True)
         ]
 
-    def _felt(self, truth: Truth, times: Array, generator: np.random.Generator) -> Array:
+    def _felt(self, truth: Truth, times: Array) -> Array:
         moved = np.interp(times - self.lag, truth.time, truth.host_acceleration)
-        slope = np.arctan(np.interp(times, truth.time, truth.grade)) + self.pitch * moved
-        # The road does not become uneven at the start of the drive only.
-        keep = np.exp(-self.period / self.wander_time)
-        wander = _remembering(len(times), self.wander, keep, generator)
-        value = moved + GRAVITY * np.sin(slope) + self.bias + wander
-        for bump in truth.bumps:
-            later = times - bump
-            burst = np.exp(-later.clip(min=0.0) / 0.12) * np.sin(2 * np.pi * 12.0 * later)
-            value += self.bump * generator.uniform(0.6, 1.0) * np.where(later > 0, burst, 0.0)
-        return value
+        slope = np.arctan(np.interp(times, truth.time, truth.grade))
+        if truth.pitch is None:
+            slope = slope + self.pitch * moved
+        else:
+            slope = slope + np.interp(times, truth.time, truth.pitch)
+        return moved + GRAVITY * np.sin(slope)
+
+
+@dataclass(frozen=True)
+class SpeedPlan(SamplePlan):
+    """Samples of a speedometer, whose wheel radius is off by a factor `scale`."""
+
+    scale: float
 
 
 @dataclass(frozen=True)
@@ -179,18 +235,32 @@ class Speedometer:
     noise: Noise = Noise(0.006, 0.011, (1.5, 13.0))  # m/s
     step: float = 0.01  # m/s
 
-    def sense(self, truth: Truth, generator: np.random.Generator) -> list[Sample]:
-        """The samples of a drive."""
+    def plan(self, duration: float, generator: np.random.Generator) -> "SpeedPlan":
+        """When it will speak within `duration` s, and by how much it will be off."""
         scale = 1.0 + generator.uniform(-self.scale, self.scale)
-        times = np.arange(self.period, truth.time[-1], self.period)
-        speed = scale * np.interp(times - self.lag, truth.time, truth.host_speed)
+        times = np.arange(self.period, duration, self.period)
+        return SpeedPlan(times, self.noise.draw(len(times), 1 / self.period, generator), scale)
+
+    def samples(self, truth: Truth, plan: "SpeedPlan") -> list[Sample]:
+        """What is said of the truth at the planned times."""
+        times = plan.times
+        speed = plan.scale * np.interp(times - self.lag, truth.time, truth.host_speed)
         # A wheel that stands does not shake.
         turning = np.clip(speed / 2.0, 0.0, 1.0)
-        speed += turning * self.noise.draw(len(times), 1 / self.period, generator)
+        speed += turning * plan.noise
         return [
             ScalarSample(HOST_SPEED, _stamp(t), float(v))
             for t, v in zip(times, _quantised(speed.clip(min=0.0), self.step), strict=True)
         ]
+
+
+@dataclass(frozen=True)
+class SensorPlan:
+    """What the sensors of a car will be off by, whatever happens."""
+
+    radar: RadarPlan
+    acceleration: FeltPlan
+    host_speed: SpeedPlan
 
 
 @dataclass(frozen=True)
@@ -201,12 +271,21 @@ class SensorSuite:
     accelerometer: Accelerometer = Accelerometer()
     speedometer: Speedometer = Speedometer()
 
+    def plan(self, duration: float, bumps: int, seed: int, name: str) -> SensorPlan:
+        """All samples of `duration` s with `bumps` on the way, reproducibly from seed and name."""
+        return SensorPlan(
+            self.radar.plan(duration, _generator(seed, name, RADAR)),
+            self.accelerometer.plan(duration, bumps, _generator(seed, name, ACCELERATION)),
+            self.speedometer.plan(duration, _generator(seed, name, HOST_SPEED)),
+        )
+
     def sense(self, truth: Truth, seed: int, name: str) -> dict[str, list[Sample]]:
         """What the sensors say about a drive, reproducibly from seed and name."""
+        plan = self.plan(float(truth.time[-1]), len(truth.bumps), seed, name)
         return {
-            RADAR: self.radar.sense(truth, _generator(seed, name, RADAR)),
-            ACCELERATION: self.accelerometer.sense(truth, _generator(seed, name, ACCELERATION)),
-            HOST_SPEED: self.speedometer.sense(truth, _generator(seed, name, HOST_SPEED)),
+            RADAR: self.radar.scans(truth, plan.radar),
+            ACCELERATION: self.accelerometer.samples(truth, plan.acceleration),
+            HOST_SPEED: self.speedometer.samples(truth, plan.host_speed),
         }
 
 

@@ -1,0 +1,48 @@
+"""What the decision node tells the controller: how bad it is, and which values to drive by."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from math import nan
+
+
+class FaultLevel(IntEnum):
+    """How much of automated driving is left; the values are those of `lfd_msgs/Decision`."""
+
+    NORMAL = 0
+    DEGRADED = 1
+    TAKE_OVER = 2
+    EMERGENCY = 3
+
+
+class Action(IntEnum):
+    """What the controller is to do; the values are those of `lfd_msgs/Decision`."""
+
+    FOLLOW = 0
+    FOLLOW_FROM_AFAR = 1
+    WARN = 2
+    STOP = 3
+    BRAKE = 4
+
+
+@dataclass(slots=True)
+class Decision:
+    """The fields, units and meanings of `lfd_msgs/Decision`; `stamp` and `since` in ns.
+
+    A value to drive by is NaN where the measured one is as good as any, or where there is none.
+    """
+
+    stamp: int
+    step: int
+    level: FaultLevel
+    action: Action
+    since: int
+    reason: str
+    clearance_usable: bool = True
+    relative_velocity_usable: bool = True
+    acceleration_usable: bool = True
+    host_speed_usable: bool = True
+    lead_present: bool = True
+    clearance: float = nan
+    relative_velocity: float = nan
+    acceleration: float = nan
+    lead_acceleration: float = nan

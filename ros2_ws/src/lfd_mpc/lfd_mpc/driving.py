@@ -1,0 +1,277 @@
+"""The car's driver: which values to trust, what to do with them, and how gently.
+
+| level | condition | command |
+|---|---|---|
+| normal, degraded | clearance and relative velocity known | the plan; a larger gap when degraded |
+| any | no lead, and the radar says so | the set speed |
+| any | a value of the lead unknown | never above what is applied now, never above 0 |
+| take over | `WARN` | the plan, but no acceleration |
+| take over | `STOP`, or no decision for `decision_timeout` | a comfortable stop |
+| emergency | `BRAKE` | full braking to standstill |
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from math import inf, isfinite, isnan, nan, sqrt
+
+import numpy as np
+
+from lfd_mpc.box_qp import solve_box_entry
+from lfd_mpc.decision import Action, Decision
+from lfd_mpc.following_model import STATES, build_following_model
+from lfd_mpc.horizon import Horizon
+from lfd_mpc.settings import STEP_NS, STEP_S, MpcSettings
+
+CRUISE_TIME = 3.0
+"""Seconds in which a difference from the set speed would be made up."""
+
+STANDING = 0.15
+"""m/s below which the car, or its lead, is said to stand."""
+
+ROLLING = 0.5
+"""m/s of a lead that has set off."""
+
+HOLDING = -1.5
+"""m/s^2 with which the brakes hold a standing car."""
+
+HARD = 1.5
+"""Deceleration in m/s^2 that must be needed before the jerk is more than comfortable."""
+
+
+class Source(IntEnum):
+    """Where a value that the car is driven by comes from; as in `lfd_msgs/DrivingState`."""
+
+    NONE = 0
+    MEASURED = 1
+    RECONSTRUCTED = 2
+
+
+@dataclass(slots=True)
+class DrivingState:
+    """The fields, units and meanings of `lfd_msgs/DrivingState`; `stamp` in ns."""
+
+    stamp: int
+    step: int
+    level: int
+    action: int
+    command: float
+    desired_clearance: float
+    clearance: float
+    clearance_source: int
+    relative_velocity: float
+    relative_velocity_source: int
+    acceleration: float
+    acceleration_source: int
+    host_speed: float
+    host_speed_source: int
+    holding: bool
+    reason: str
+
+
+class CarDriver:
+    """One command per step of the controller; keeps what it sent before."""
+
+    def __init__(self, settings: MpcSettings) -> None:
+        """Raises ValueError for settings that cannot work."""
+        self._settings = settings
+        self._model = build_following_model(settings)
+        self._plan = np.empty(settings.control_steps)
+        self._from = np.zeros(len(STATES))
+        self._decision: Decision | None = None
+        self._command, self._holding = 0.0, False
+        self._speed, self._speed_stamp = nan, 0
+
+    def decide(self, decision: Decision) -> None:
+        """Take the newest decision; it holds from the next step on."""
+        self._decision = decision
+
+    def drive(self, horizon: Horizon) -> DrivingState:
+        """The command for one step, and what it rests on."""
+        settings, decision = self._settings, self._decision
+        if decision is not None and horizon.restart and decision.stamp > horizon.stamp:
+            decision = self._decision = None
+        age = inf if decision is None else (horizon.stamp - decision.stamp) * 1e-9
+        if decision is None:
+            # Before the first one there is nothing that speaks against a sensor.
+            action, level, reason = Action.FOLLOW, 0, "no decision yet"
+        elif age > settings.decision_timeout:
+            action, level = Action.STOP, 2
+            reason = f"no decision for {age:.2f} s: the car is stopped"
+        else:
+            action, level, reason = decision.action, int(decision.level), decision.reason
+        lead = self._lead(horizon, decision, age)
+        clearance, clearance_source, velocity, velocity_source = lead
+        acceleration, acceleration_source = self._acceleration(horizon, decision)
+        speed, speed_source = self._host_speed(horizon, decision, acceleration)
+        gap = settings.degraded_gap if action != Action.FOLLOW else 1.0
+        known = speed if isfinite(speed) else 0.0
+        desired = settings.minimum_clearance + gap * settings.preview_time * known
+        lead_acceleration = 0.0 if decision is None else decision.lead_acceleration
+        wanted, jerk = self._wanted(
+            horizon, action, clearance, velocity, acceleration, speed, desired, lead_acceleration
+        )
+        self._command = self._gently(wanted, jerk)
+        if self._holding:
+            self._command = min(self._command, HOLDING)
+        return DrivingState(
+            horizon.stamp,
+            horizon.step,
+            level,
+            int(action),
+            self._command,
+            desired,
+            clearance,
+            int(clearance_source),
+            velocity,
+            int(velocity_source),
+            acceleration,
+            int(acceleration_source),
+            speed,
+            int(speed_source),
+            self._holding,
+            reason,
+        )
+
+    def _lead(self, horizon: Horizon, decision: Decision | None, age: float) -> tuple:
+        """Clearance (m) and relative velocity (m/s) now, each with its source."""
+        velocity, velocity_source = nan, Source.NONE
+        clearance, clearance_source = nan, Source.NONE
+        usable = decision is None or decision.relative_velocity_usable
+        if usable and horizon.has_target and not horizon.relative_velocity_stale:
+            velocity, velocity_source = horizon.measured_relative_velocity, Source.MEASURED
+        elif decision is not None and isfinite(decision.relative_velocity):
+            velocity, velocity_source = decision.relative_velocity, Source.RECONSTRUCTED
+        usable = decision is None or decision.clearance_usable
+        if usable and horizon.has_target and not horizon.clearance_stale:
+            carried = velocity * horizon.clearance_age if isfinite(velocity) else 0.0
+            clearance = horizon.measured_clearance + carried
+            clearance_source = Source.MEASURED
+        elif decision is not None and isfinite(decision.clearance):
+            carried = velocity * age if isfinite(velocity) else 0.0
+            clearance, clearance_source = decision.clearance + carried, Source.RECONSTRUCTED
+        return clearance, clearance_source, velocity, velocity_source
+
+    def _acceleration(self, horizon: Horizon, decision: Decision | None) -> tuple[float, Source]:
+        if (decision is None or decision.acceleration_usable) and not horizon.acceleration_stale:
+            return horizon.measured_acceleration, Source.MEASURED
+        if decision is not None and isfinite(decision.acceleration):
+            return decision.acceleration, Source.RECONSTRUCTED
+        # What was commanded is the best guess that is left.
+        return self._command, Source.NONE
+
+    def _host_speed(
+        self, horizon: Horizon, decision: Decision | None, acceleration: float
+    ) -> tuple[float, Source]:
+        """Measured, or the last one that was, carried on by the acceleration."""
+        if (decision is None or decision.host_speed_usable) and not horizon.host_speed_stale:
+            self._speed, self._speed_stamp = horizon.measured_host_speed, horizon.stamp
+            return self._speed, Source.MEASURED
+        if isnan(self._speed):
+            return nan, Source.NONE
+        steps = max(horizon.stamp - self._speed_stamp, 0) // STEP_NS
+        self._speed = max(self._speed + acceleration * steps * STEP_S, 0.0)
+        self._speed_stamp = horizon.stamp
+        return self._speed, Source.RECONSTRUCTED
+
+    def _wanted(
+        self,
+        horizon: Horizon,
+        action: Action,
+        clearance: float,
+        velocity: float,
+        acceleration: float,
+        speed: float,
+        desired: float,
+        lead_acceleration: float,
+    ) -> tuple[float, float]:
+        """Acceleration to go for in m/s^2, and the jerk that is allowed on the way."""
+        settings = self._settings
+        if action == Action.BRAKE:
+            self._holding = isfinite(speed) and speed < STANDING
+            return -settings.emergency_braking, settings.emergency_jerk
+        cruise = settings.comfortable_acceleration
+        if isfinite(speed):
+            cruise = min(cruise, (settings.set_speed - speed) / CRUISE_TIME)
+        known = isfinite(clearance) and isfinite(velocity)
+        if known:
+            follow, jerk = self._follow(
+                clearance, velocity, acceleration, speed, desired, lead_acceleration
+            )
+            wanted = min(follow, cruise)
+        elif not horizon.has_target and not horizon.clearance_stale:
+            # The radar works and sees an empty road.
+            self._holding = False
+            wanted, jerk = max(cruise, settings.acceleration_lower), settings.comfortable_jerk
+        else:
+            # Nobody speeds up towards what is not seen.
+            self._holding = self._holding or (isfinite(speed) and speed < STANDING)
+            wanted, jerk = min(cruise, 0.0, self._command), settings.comfortable_jerk
+        if action in (Action.WARN, Action.STOP):
+            wanted = min(wanted, 0.0)
+        if action == Action.STOP:
+            wanted = min(wanted, -settings.stopping_deceleration)
+            self._holding = self._holding or (isfinite(speed) and speed < STANDING)
+        return wanted, jerk
+
+    def _follow(
+        self,
+        clearance: float,
+        velocity: float,
+        acceleration: float,
+        speed: float,
+        desired: float,
+        lead_acceleration: float,
+    ) -> tuple[float, float]:
+        settings, model = self._settings, self._model
+        if not isfinite(lead_acceleration):
+            lead_acceleration = 0.0
+        # What must be braked to keep half the distance of a standstill behind this lead.
+        room = max(clearance - 0.5 * settings.minimum_clearance, 0.5)
+        needed = velocity * velocity / (2.0 * room) if velocity < 0.0 else 0.0
+        needed += max(-lead_acceleration, 0.0) if velocity < 0.0 else 0.0
+        share = min(max((needed - HARD) / 2.0, 0.0), 1.0)
+        jerk = settings.comfortable_jerk + share * (
+            settings.emergency_jerk - settings.comfortable_jerk
+        )
+        self._from[:] = (
+            self._approach(clearance - desired),
+            velocity,
+            acceleration,
+            lead_acceleration,
+            self._command,
+        )
+        solve_box_entry(model.problem, model.f @ self._from, self._plan)
+        self._hold(clearance, velocity, speed)
+        return min(float(self._plan[0]), inf), jerk
+
+    def _approach(self, error: float) -> float:
+        """The clearance error that the plan is given, in m.
+
+        A plan that is linear in the error would meet a lead far ahead at any speed and brake hard
+        at the end. Farther away than can be paid off at a comfortable braking the wanted closing
+        speed grows with the root of the distance.
+        """
+        braking, approach = self._settings.comfortable_braking, self._model.approach
+        linear = braking * approach * approach
+        if error <= linear:
+            return error
+        return approach * sqrt(2.0 * braking * (error - 0.5 * linear))
+
+    def _hold(self, clearance: float, velocity: float, speed: float) -> None:
+        """Stand still behind a standing lead, without creeping, until it has driven off."""
+        if not isfinite(speed):
+            return
+        lead_speed = speed + velocity
+        if self._holding:
+            far = clearance > self._settings.minimum_clearance + 1.0
+            self._holding = not (lead_speed > ROLLING and far)
+        elif speed < STANDING and lead_speed < ROLLING:
+            self._holding = clearance < 2.0 * self._settings.minimum_clearance
+
+    def _gently(self, wanted: float, jerk: float) -> float:
+        """The next command on the way to `wanted`, in m/s^2."""
+        settings = self._settings
+        down = jerk * STEP_S
+        # Letting go of hard braking may be as quick as is comfortable, or it would last too long.
+        up = max(settings.comfortable_jerk, -self._command) * STEP_S
+        return min(max(wanted, self._command - down), self._command + up)
