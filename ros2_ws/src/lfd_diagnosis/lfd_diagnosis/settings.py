@@ -11,6 +11,10 @@ ROBUST = "own choice, docs/robust.md"
 """Where the robust profile's figures come from."""
 
 
+CLOSED_LOOP = "docs/closed-loop.md"
+"""Where the decision's figures come from."""
+
+
 class RadarChecks(Settings):
     """The robust profile's settings for clearance and relative velocity."""
 
@@ -273,3 +277,78 @@ class DiagnosisSettings(
                 f"scan_confidence_threshold ({self.scan_confidence_threshold})"
             )
         return self
+
+
+class DecisionSettings(Settings):
+    """Settings of the decision: what is done with sensors that are faulty."""
+
+    take_over_after: float = setting(
+        10.0,
+        "s",
+        "time of a radar fault that others make up for, then the driver is called",
+        CLOSED_LOOP,
+        ge=0.0,
+        le=600.0,
+    )
+    stop_after: float = setting(
+        10.0,
+        "s",
+        "time that the driver then has, before the car is stopped",
+        CLOSED_LOOP,
+        ge=0.0,
+        le=600.0,
+    )
+    blind_for: float = setting(
+        0.5,
+        "s",
+        "time without any believed radar signal, then the car is stopped",
+        CLOSED_LOOP,
+        ge=0.0,
+        le=10.0,
+    )
+    recover_after: float = setting(
+        1.0,
+        "s",
+        "time that a lower level must have lasted before it is believed",
+        CLOSED_LOOP,
+        ge=0.0,
+        le=60.0,
+    )
+    stopping_deceleration: float = setting(
+        2.5,
+        "m/s^2",
+        "deceleration of a stop that the driver did not take over",
+        "ISO 15622: 3.5 at most",
+        gt=0.0,
+        le=5.0,
+    )
+    lead_braking: float = setting(
+        1.5,
+        "m/s^2",
+        "deceleration of the lead that, once it is not seen, is taken to go on",
+        CLOSED_LOOP,
+        ge=0.0,
+        le=10.0,
+    )
+    blind_margin: float = setting(
+        1.0,
+        "m/s^2",
+        "by so much more than the lead did the car brakes when it is not seen",
+        CLOSED_LOOP,
+        ge=0.0,
+        le=5.0,
+    )
+    emergency_deceleration: float = setting(
+        4.0,
+        "m/s^2",
+        "deceleration needed above which a degraded car brakes fully",
+        CLOSED_LOOP,
+        gt=0.0,
+        le=10.0,
+    )
+    emergency_braking: float = setting(
+        8.0, "m/s^2", "deceleration of that braking", "dry road", gt=0.0, le=12.0
+    )
+    emergency_room: float = setting(
+        2.0, "m", "clearance that is to be left behind the lead", CLOSED_LOOP, ge=0.0, le=20.0
+    )

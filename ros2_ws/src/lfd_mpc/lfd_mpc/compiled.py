@@ -23,7 +23,7 @@ import numpy as np
 from numba.core import config
 from numpy.typing import NDArray
 
-PACKAGES = ("lfd_mpc", "lfd_observer", "lfd_diagnosis", "lfd_replay")
+PACKAGES = ("lfd_mpc", "lfd_observer", "lfd_diagnosis", "lfd_replay", "lfd_vehicle")
 """Packages whose functions call each other; a change in one of them counts for all."""
 
 NOT_COMPILED = (
@@ -34,6 +34,9 @@ NOT_COMPILED = (
     "node_support.py",
     "qos_events.py",
     "markers.py",
+    "driving.py",
+    "decision.py",
+    "following_model.py",
 )
 """Endings of names of files that nothing compiled depends on."""
 
@@ -48,8 +51,10 @@ def _sources_digest() -> str:
         for folder in spec.submodule_search_locations or () if spec else ():
             for file in sorted(Path(folder).glob("*.py")):
                 text = file.read_bytes()
-                of_replay = package == "lfd_replay" and b"lfd_mpc.compiled" not in text
-                if not of_replay and not file.name.endswith(NOT_COMPILED):
+                elsewhere = (
+                    package in ("lfd_replay", "lfd_vehicle") and b"lfd_mpc.compiled" not in text
+                )
+                if not elsewhere and not file.name.endswith(NOT_COMPILED):
                     digest.update(file.name.encode() + text)
     return digest.hexdigest()[:16]
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
-from math import nan
 
 
 class FaultLevel(IntEnum):
@@ -26,10 +25,7 @@ class Action(IntEnum):
 
 @dataclass(slots=True)
 class Decision:
-    """The fields, units and meanings of `lfd_msgs/Decision`; `stamp` and `since` in ns.
-
-    A value to drive by is NaN where the measured one is as good as any, or where there is none.
-    """
+    """The fields, units and meanings of `lfd_msgs/Decision`; `stamp` and `since` in ns."""
 
     stamp: int
     step: int
@@ -37,12 +33,12 @@ class Decision:
     action: Action
     since: int
     reason: str
-    clearance_usable: bool = True
-    relative_velocity_usable: bool = True
-    acceleration_usable: bool = True
-    host_speed_usable: bool = True
-    lead_present: bool = True
-    clearance: float = nan
-    relative_velocity: float = nan
-    acceleration: float = nan
-    lead_acceleration: float = nan
+    deceleration: float
+    clearance_usable: bool
+    relative_velocity_usable: bool
+    acceleration_usable: bool
+    host_speed_usable: bool
+    clearance: float
+    relative_velocity: float
+    relative_acceleration: float
+    acceleration: float

@@ -13,13 +13,16 @@
 from dataclasses import dataclass
 from enum import IntEnum
 from math import inf, isfinite, isnan, nan, sqrt
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lfd_mpc.box_qp import solve_box_entry
+from lfd_mpc.controller import roll_out_entry
 from lfd_mpc.decision import Action, Decision
 from lfd_mpc.following_model import STATES, build_following_model
-from lfd_mpc.horizon import Horizon
+from lfd_mpc.horizon import Horizon, Mpc
 from lfd_mpc.settings import STEP_NS, STEP_S, MpcSettings
 
 CRUISE_TIME = 3.0
@@ -27,6 +30,12 @@ CRUISE_TIME = 3.0
 
 STANDING = 0.15
 """m/s below which the car, or its lead, is said to stand."""
+
+CREEPING = 0.5
+"""m/s below which the car stops for good behind a lead that stands, where it is near enough."""
+
+NEAR_ENOUGH = 1.0
+"""m beyond the clearance of a standstill at which a stop ends, and above which a start begins."""
 
 ROLLING = 0.5
 """m/s of a lead that has set off."""
@@ -68,6 +77,14 @@ class DrivingState:
     reason: str
 
 
+class Lead(NamedTuple):
+    """The lead as it is driven by: m, m/s (relative) and m/s^2 (its own)."""
+
+    clearance: float
+    velocity: float
+    acceleration: float
+
+
 class CarDriver:
     """One command per step of the controller; keeps what it sent before."""
 
@@ -80,6 +97,10 @@ class CarDriver:
         self._decision: Decision | None = None
         self._command, self._holding = 0.0, False
         self._speed, self._speed_stamp = nan, 0
+
+    def change(self, settings: MpcSettings) -> None:
+        """Drive by other settings. Raises ValueError for those that cannot work."""
+        self._model, self._settings = build_following_model(settings), settings
 
     def decide(self, decision: Decision) -> None:
         """Take the newest decision; it holds from the next step on."""
@@ -106,10 +127,10 @@ class CarDriver:
         gap = settings.degraded_gap if action != Action.FOLLOW else 1.0
         known = speed if isfinite(speed) else 0.0
         desired = settings.minimum_clearance + gap * settings.preview_time * known
-        lead_acceleration = 0.0 if decision is None else decision.lead_acceleration
-        wanted, jerk = self._wanted(
-            horizon, action, clearance, velocity, acceleration, speed, desired, lead_acceleration
-        )
+        relative = nan if decision is None else decision.relative_acceleration
+        lead_acceleration = relative + acceleration if isfinite(relative) else 0.0
+        known_lead = Lead(clearance, velocity, lead_acceleration)
+        wanted, jerk = self._wanted(horizon, action, known_lead, acceleration, speed, desired)
         self._command = self._gently(wanted, jerk)
         if self._holding:
             self._command = min(self._command, HOLDING)
@@ -177,26 +198,24 @@ class CarDriver:
         self,
         horizon: Horizon,
         action: Action,
-        clearance: float,
-        velocity: float,
+        lead: Lead,
         acceleration: float,
         speed: float,
         desired: float,
-        lead_acceleration: float,
     ) -> tuple[float, float]:
         """Acceleration to go for in m/s^2, and the jerk that is allowed on the way."""
-        settings = self._settings
+        settings, decision = self._settings, self._decision
+        deceleration = settings.stopping_deceleration
+        if decision is not None and action in (Action.STOP, Action.BRAKE):
+            deceleration = max(deceleration, decision.deceleration)
         if action == Action.BRAKE:
             self._holding = isfinite(speed) and speed < STANDING
-            return -settings.emergency_braking, settings.emergency_jerk
+            return -deceleration, settings.emergency_jerk
         cruise = settings.comfortable_acceleration
         if isfinite(speed):
             cruise = min(cruise, (settings.set_speed - speed) / CRUISE_TIME)
-        known = isfinite(clearance) and isfinite(velocity)
-        if known:
-            follow, jerk = self._follow(
-                clearance, velocity, acceleration, speed, desired, lead_acceleration
-            )
+        if isfinite(lead.clearance) and isfinite(lead.velocity):
+            follow, jerk = self._follow(lead, acceleration, speed, desired)
             wanted = min(follow, cruise)
         elif not horizon.has_target and not horizon.clearance_stale:
             # The radar works and sees an empty road.
@@ -209,22 +228,17 @@ class CarDriver:
         if action in (Action.WARN, Action.STOP):
             wanted = min(wanted, 0.0)
         if action == Action.STOP:
-            wanted = min(wanted, -settings.stopping_deceleration)
+            wanted = min(wanted, -deceleration)
+            if deceleration > settings.stopping_deceleration:
+                jerk = settings.emergency_jerk
             self._holding = self._holding or (isfinite(speed) and speed < STANDING)
         return wanted, jerk
 
     def _follow(
-        self,
-        clearance: float,
-        velocity: float,
-        acceleration: float,
-        speed: float,
-        desired: float,
-        lead_acceleration: float,
+        self, lead: Lead, acceleration: float, speed: float, desired: float
     ) -> tuple[float, float]:
         settings, model = self._settings, self._model
-        if not isfinite(lead_acceleration):
-            lead_acceleration = 0.0
+        clearance, velocity, lead_acceleration = lead
         # What must be braked to keep half the distance of a standstill behind this lead.
         room = max(clearance - 0.5 * settings.minimum_clearance, 0.5)
         needed = velocity * velocity / (2.0 * room) if velocity < 0.0 else 0.0
@@ -242,7 +256,7 @@ class CarDriver:
         )
         solve_box_entry(model.problem, model.f @ self._from, self._plan)
         self._hold(clearance, velocity, speed)
-        return min(float(self._plan[0]), inf), jerk
+        return float(self._plan[0]), jerk
 
     def _approach(self, error: float) -> float:
         """The clearance error that the plan is given, in m.
@@ -263,10 +277,10 @@ class CarDriver:
             return
         lead_speed = speed + velocity
         if self._holding:
-            far = clearance > self._settings.minimum_clearance + 1.0
+            far = clearance > self._settings.minimum_clearance + NEAR_ENOUGH
             self._holding = not (lead_speed > ROLLING and far)
-        elif speed < STANDING and lead_speed < ROLLING:
-            self._holding = clearance < 2.0 * self._settings.minimum_clearance
+        elif speed < CREEPING and lead_speed < STANDING + speed:
+            self._holding = clearance < self._settings.minimum_clearance + NEAR_ENOUGH
 
     def _gently(self, wanted: float, jerk: float) -> float:
         """The next command on the way to `wanted`, in m/s^2."""
@@ -275,3 +289,42 @@ class CarDriver:
         # Letting go of hard braking may be as quick as is comfortable, or it would last too long.
         up = max(settings.comfortable_jerk, -self._command) * STEP_S
         return min(max(wanted, self._command - down), self._command + up)
+
+
+class DrivingMpc(Mpc):
+    """The controller where it drives the car: its horizon predicts the command that is sent.
+
+    The diagnosis holds the lead against this prediction: what another plan would do differently
+    from the car would come back as a prediction error of `(u - a_s) * tau`.
+    """
+
+    def __init__(self, settings: MpcSettings) -> None:
+        """Raises ValueError for settings that cannot work."""
+        super().__init__(settings)
+        self.driver = CarDriver(settings)
+        self.driven: list[DrivingState] = []
+        steps = np.arange(1, self.controller.steps + 1)
+        self._followed = 1.0 - np.exp(-steps * STEP_S / settings.actuator_lag)
+
+    def change(self, settings: MpcSettings) -> None:
+        """As of the controller; the car goes on from the command that was sent last."""
+        super().change(settings)
+        self.driver.change(settings)
+
+    def _steps(self) -> list[Horizon]:
+        self.driven = []
+        return super()._steps()
+
+    def _horizon(self, plan: NDArray, states: NDArray) -> Horizon:
+        made = super()._horizon(plan, states)
+        driven = self.driver.drive(made)
+        self.driven.append(driven)
+        made.command = driven.command
+        made.record["command"] = driven.command
+        if made.valid:
+            now = made.acceleration
+            plan[:] = now + self._followed * (driven.command - now)
+            roll_out_entry(
+                self.controller.model, made.clearance, made.relative_velocity, now, plan, states
+            )
+        return made

@@ -143,9 +143,6 @@ class DrivingSettings(Settings):
     comfortable_jerk: float = setting(
         2.0, "m/s^3", "largest change of the command per second", "ISO 15622: 2.5", gt=0.0, le=20.0
     )
-    emergency_braking: float = setting(
-        8.0, "m/s^2", "deceleration of an emergency", "dry road", gt=0.0, le=12.0
-    )
     emergency_jerk: float = setting(
         20.0, "m/s^3", "largest jerk where the lead comes too near", "brakes", gt=0.0, le=100.0
     )

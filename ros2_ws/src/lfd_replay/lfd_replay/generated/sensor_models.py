@@ -155,8 +155,8 @@ class Radar:
 
 @dataclass(frozen=True)
 class FeltPlan(SamplePlan):
-    """Samples of an accelerometer: what each is `off` by slowly besides the bias, and the bumps' first swings
-    (of another length), in m/s^2."""
+    """Samples of an accelerometer: what each is `off` by slowly besides the bias, and the bumps'
+    first swings (of another length), in m/s^2."""
 
     off: Array
     swings: Array

@@ -1,0 +1,168 @@
+"""From verdicts to a fault level: what may still be done with sensors in this state.
+
+| level | when | action |
+|---|---|---|
+| 0 normal | no sensor in use is faulty or silent | follow |
+| 1 degraded | one is, and the others make up for it | follow from afar |
+| 2 take over | that has lasted for `take_over_after`, or the lead is not seen at all | warn |
+| 2 take over | `stop_after` later; not seen for `blind_for`; nothing makes up for it | stop |
+| 3 emergency | degraded, and more than `emergency_deceleration` is needed behind the lead | brake |
+
+A level rises at once. It falls when what raised it has been gone for `recover_after`.
+"""
+
+from math import isfinite, nan
+
+from lfd_diagnosis.settings import DecisionSettings
+from lfd_diagnosis.verdict import Kind, Reconstruction, Report, SignalVerdict, State
+from lfd_mpc.decision import Action, Decision, FaultLevel
+
+LOST = (State.FAULT, State.NO_DATA)
+"""States of a signal that is not driven by."""
+
+LEAD_MEMORY = 0.2
+"""Share of a new estimate of the lead's acceleration, per 0.1 s."""
+
+DOUBTED = (State.SUSPECT, *LOST)
+"""States of a signal in whose place the reconstructed one is used where there is one."""
+
+
+def _braking_needed(clearance: float, relative_velocity: float, room: float) -> float:
+    """Deceleration in m/s^2 that keeps `room` m behind a lead of constant speed."""
+    if not (isfinite(clearance) and isfinite(relative_velocity)) or relative_velocity >= 0.0:
+        return 0.0
+    return relative_velocity * relative_velocity / (2.0 * max(clearance - room, 0.5))
+
+
+class DecisionMaker:
+    """One decision per report."""
+
+    def __init__(self, settings: DecisionSettings) -> None:
+        self._settings = settings
+        self._level, self._action, self._since = FaultLevel.NORMAL, Action.FOLLOW, 0
+        self._reason, self._deceleration = "", 0.0
+        self._lost_since: int | None = None
+        self._blind_since: int | None = None
+        self._lower_since: int | None = None
+        self._lead_acceleration = 0.0
+
+    def change(self, settings: DecisionSettings) -> None:
+        """Decide by other settings from the next report on."""
+        self._settings = settings
+
+    def step(self, report: Report, made: Reconstruction) -> Decision:
+        """Answer one report and what was reconstructed with it."""
+        now = report.stamp
+        blind = report.clearance.state in LOST and report.relative_velocity.state in LOST
+        self._follow_lead(report, made)
+        level, action, reason = self._wanted(report, made, blind)
+        self._settle(now, level, action, reason)
+        doubted = {
+            name: getattr(report, name).state in DOUBTED and isfinite(getattr(made, name))
+            for name in ("clearance", "relative_velocity", "acceleration")
+        }
+
+        def usable(verdict: SignalVerdict, name: str = "") -> bool:
+            return verdict.state not in LOST and not doubted.get(name, False)
+
+        return Decision(
+            now,
+            report.step,
+            self._level,
+            self._action,
+            self._since,
+            self._reason,
+            self._deceleration,
+            usable(report.clearance, "clearance"),
+            usable(report.relative_velocity, "relative_velocity"),
+            usable(report.acceleration, "acceleration"),
+            usable(report.host_speed),
+            made.clearance if made.clearance_valid else nan,
+            made.relative_velocity if made.relative_velocity_valid else nan,
+            made.relative_acceleration if made.relative_acceleration_valid else nan,
+            made.acceleration if made.acceleration_valid else nan,
+        )
+
+    def _follow_lead(self, report: Report, made: Reconstruction) -> None:
+        """How the lead was braking before the radar was lost, in m/s^2."""
+        known = report.clearance.state == State.OK and report.relative_velocity.state == State.OK
+        relative, own = made.relative_acceleration, made.acceleration
+        if known and isfinite(relative) and isfinite(own):
+            share = LEAD_MEMORY * 0.1
+            self._lead_acceleration += share * (relative + own - self._lead_acceleration)
+        elif report.radar.state == State.NO_TARGET:
+            self._lead_acceleration = 0.0
+
+    def _wanted(
+        self, report: Report, made: Reconstruction, blind: bool
+    ) -> tuple[FaultLevel, Action, str]:
+        settings, now = self._settings, report.stamp
+        lost = [name for name in ("clearance", "relative_velocity") if _is_lost(report, name)]
+        others = [name for name in ("acceleration", "host_speed") if _is_lost(report, name)]
+        if not lost:
+            self._lost_since = self._blind_since = None
+            if others:
+                return FaultLevel.DEGRADED, Action.FOLLOW_FROM_AFAR, _because(report, others)
+            return FaultLevel.NORMAL, Action.FOLLOW, ""
+        self._lost_since = now if self._lost_since is None else self._lost_since
+        if not blind:
+            self._blind_since = None
+        elif self._blind_since is None:
+            self._blind_since = now
+        why = _because(report, lost + others)
+        missing = [name for name in lost if not getattr(made, f"{name}_valid")]
+        self._deceleration = settings.stopping_deceleration
+        if blind:
+            # What the lead does now is not seen; what it did is the least to expect.
+            self._deceleration = max(
+                self._deceleration, settings.blind_margin - self._lead_acceleration
+            )
+        needed = _braking_needed(made.clearance, made.relative_velocity, settings.emergency_room)
+        if needed > settings.emergency_deceleration:
+            self._deceleration = settings.emergency_braking
+            text = f"{needed:.1f} m/s^2 are needed behind the lead"
+            return FaultLevel.EMERGENCY, Action.BRAKE, f"{text}; {why}"
+        lost_for = (now - self._lost_since) * 1e-9
+        if missing:
+            text = f"nothing makes up for {' and '.join(missing)}"
+            return FaultLevel.TAKE_OVER, Action.STOP, f"{text}; {why}"
+        if self._blind_since is not None:
+            blind_for = (now - self._blind_since) * 1e-9
+            braking = self._lead_acceleration < -settings.lead_braking
+            action = Action.STOP if braking or blind_for >= settings.blind_for else Action.WARN
+            text = "the lead was braking" if braking else "the lead is not seen"
+            return FaultLevel.TAKE_OVER, action, f"{text}; {why}"
+        if lost_for >= settings.take_over_after + settings.stop_after:
+            return FaultLevel.TAKE_OVER, Action.STOP, f"not taken over in time; {why}"
+        if lost_for >= settings.take_over_after:
+            return FaultLevel.TAKE_OVER, Action.WARN, f"it lasts; {why}"
+        return FaultLevel.DEGRADED, Action.FOLLOW_FROM_AFAR, why
+
+    def _settle(self, now: int, level: FaultLevel, action: Action, reason: str) -> None:
+        """Rise at once, fall late."""
+        if (level, action) >= (self._level, self._action):
+            self._lower_since = None
+            if (level, action) > (self._level, self._action):
+                self._since = now
+            self._level, self._action, self._reason = level, action, reason
+            return
+        if self._lower_since is None or now < self._lower_since:
+            self._lower_since = now
+        if (now - self._lower_since) * 1e-9 >= self._settings.recover_after:
+            self._level, self._action, self._reason = level, action, reason
+            self._since, self._lower_since = now, None
+
+
+def _is_lost(report: Report, name: str) -> bool:
+    verdict = getattr(report, name)
+    if name == "host_speed" and verdict.state == State.NO_DATA:
+        # A car without this sensor misses nothing that it had.
+        return verdict.kind == Kind.DROPOUT
+    return verdict.state in LOST
+
+
+def _because(report: Report, names: list[str]) -> str:
+    return "; ".join(
+        f"{name} {getattr(report, name).state.name}: {getattr(report, name).reason}"
+        for name in names
+    )

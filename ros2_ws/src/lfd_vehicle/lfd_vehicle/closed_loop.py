@@ -1,0 +1,62 @@
+"""The closed loop without ROS: world, controller, bank, diagnosis and decision in turn."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from lfd_diagnosis.diagnosis import make_diagnosis
+from lfd_diagnosis.fault_level import DecisionMaker
+from lfd_diagnosis.settings import DecisionSettings
+from lfd_diagnosis.verdict import Report
+from lfd_mpc.decision import Decision
+from lfd_mpc.driving import DrivingMpc, DrivingState
+from lfd_observer.bank import ObserverBank
+from lfd_replay.profiles import GraphSettings
+from lfd_vehicle.sensing import Moment
+from lfd_vehicle.settings import VehicleSettings
+from lfd_vehicle.world import Scenario, World
+
+
+@dataclass(frozen=True)
+class LoopStep:
+    """One step of 10 ms: what really was, and what every node said to it."""
+
+    moment: Moment
+    driving: DrivingState
+    report: Report
+    decision: Decision
+
+
+class ClosedLoop:
+    """Steps the world; with or without the diagnosis in the loop."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        graph: GraphSettings,
+        vehicle: VehicleSettings,
+        decision: DecisionSettings,
+        heeded: bool = True,
+    ) -> None:
+        """`heeded`: whether the controller acts on the decisions. Raises UserError."""
+        control = graph.mpc.model_copy(update={"driving": True})
+        self.world = World(scenario, vehicle, control)
+        self._mpc = DrivingMpc(control)
+        self._bank = ObserverBank(graph.bank)
+        self._diagnosis = make_diagnosis(graph.diagnosis)
+        self._maker = DecisionMaker(decision)
+        self._heeded = heeded
+
+    def run(self) -> Iterator[LoopStep]:
+        """All steps until the scenario ends. Raises DivergenceError."""
+        world, mpc = self.world, self._mpc
+        while not world.ended:
+            for sample in world.sense():
+                horizons = mpc.push(sample)
+                for horizon, driving in zip(horizons, mpc.driven, strict=False):
+                    outcome = self._diagnosis.step(horizon, self._bank.step(horizon))
+                    decision = self._maker.step(outcome.report, outcome.reconstruction)
+                    if self._heeded:
+                        mpc.driver.decide(decision)
+                    world.vehicle.command(horizon.command)
+                    yield LoopStep(world.moment, driving, outcome.report, decision)
+            world.step()

@@ -1,0 +1,20 @@
+from setuptools import setup
+
+EXECUTABLES = ("closed_loop_evaluation", "vehicle_node")
+
+setup(
+    name="lfd_vehicle",
+    version="0.1.0",
+    packages=["lfd_vehicle"],
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/lfd_vehicle"]),
+        ("share/lfd_vehicle", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    maintainer="The lfd developers",
+    maintainer_email="lfd@example.com",
+    description="The closed loop: a full vehicle model behind a lead, and its sensors.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": [f"{name} = lfd_vehicle.{name}:main" for name in EXECUTABLES]},
+)
