@@ -4,9 +4,13 @@
 |---|---|---|
 | 0 normal | no sensor in use is faulty or silent | follow |
 | 1 degraded | one is, and the others make up for it | follow from afar |
-| 2 take over | that has lasted for `take_over_after`, or the lead is not seen at all | warn |
-| 2 take over | `stop_after` later; not seen for `blind_for`; nothing makes up for it | stop |
+| 2 take over | that has lasted for `take_over_after`, or the lead is not seen | warn |
+| 2 take over | `stop_after` later; not seen for `blind_for`, or it braked; no substitute | stop |
 | 3 emergency | degraded, and more than `emergency_deceleration` is needed behind the lead | brake |
+
+The lead is not seen where neither of the radar's signals is to be believed, or where they drift
+apart: then one of them is wrong, and nothing says which. It is seen again when both are: one that
+is believed again beside another that is not has been held against a guess.
 
 A level rises at once. It falls when what raised it has been gone for `recover_after`.
 """
@@ -20,8 +24,8 @@ from lfd_mpc.decision import Action, Decision, FaultLevel
 LOST = (State.FAULT, State.NO_DATA)
 """States of a signal that is not driven by."""
 
-LEAD_MEMORY = 0.2
-"""Share of a new estimate of the lead's acceleration, per 0.1 s."""
+LEAD_SHARE = 0.05
+"""Share of a step's estimate in what is remembered of the lead's acceleration."""
 
 DOUBTED = (State.SUSPECT, *LOST)
 """States of a signal in whose place the reconstructed one is used where there is one."""
@@ -53,9 +57,8 @@ class DecisionMaker:
     def step(self, report: Report, made: Reconstruction) -> Decision:
         """Answer one report and what was reconstructed with it."""
         now = report.stamp
-        blind = report.clearance.state in LOST and report.relative_velocity.state in LOST
         self._follow_lead(report, made)
-        level, action, reason = self._wanted(report, made, blind)
+        level, action, reason = self._wanted(report, made)
         self._settle(now, level, action, reason)
         doubted = {
             name: getattr(report, name).state in DOUBTED and isfinite(getattr(made, name))
@@ -88,14 +91,11 @@ class DecisionMaker:
         known = report.clearance.state == State.OK and report.relative_velocity.state == State.OK
         relative, own = made.relative_acceleration, made.acceleration
         if known and isfinite(relative) and isfinite(own):
-            share = LEAD_MEMORY * 0.1
-            self._lead_acceleration += share * (relative + own - self._lead_acceleration)
+            self._lead_acceleration += LEAD_SHARE * (relative + own - self._lead_acceleration)
         elif report.radar.state == State.NO_TARGET:
             self._lead_acceleration = 0.0
 
-    def _wanted(
-        self, report: Report, made: Reconstruction, blind: bool
-    ) -> tuple[FaultLevel, Action, str]:
+    def _wanted(self, report: Report, made: Reconstruction) -> tuple[FaultLevel, Action, str]:
         settings, now = self._settings, report.stamp
         lost = [name for name in ("clearance", "relative_velocity") if _is_lost(report, name)]
         others = [name for name in ("acceleration", "host_speed") if _is_lost(report, name)]
@@ -105,9 +105,9 @@ class DecisionMaker:
                 return FaultLevel.DEGRADED, Action.FOLLOW_FROM_AFAR, _because(report, others)
             return FaultLevel.NORMAL, Action.FOLLOW, ""
         self._lost_since = now if self._lost_since is None else self._lost_since
-        if not blind:
-            self._blind_since = None
-        elif self._blind_since is None:
+        drifts = any(getattr(report, name).kind == Kind.RAMP for name in lost)
+        blind = len(lost) == 2 or drifts or self._blind_since is not None
+        if blind and self._blind_since is None:
             self._blind_since = now
         why = _because(report, lost + others)
         missing = [name for name in lost if not getattr(made, f"{name}_valid")]

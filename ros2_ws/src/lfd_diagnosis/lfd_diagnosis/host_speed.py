@@ -32,6 +32,10 @@ from lfd_mpc.settings import STEP_S
 STANDING = 0.3
 """Host speed in m/s below which the car may as well stand: equal samples mean nothing."""
 
+SLOW, MISSED = 2.0, 0.5
+"""Below so many m/s a wheel turns so quietly that equal samples mean nothing either, until the
+accelerometer has felt a change of so many m/s meanwhile."""
+
 JUMP = 0.5
 """Least jump in m/s between two samples that no car makes."""
 
@@ -63,6 +67,7 @@ HOST_SPEED = np.dtype(
         ("last", "f8"),
         ("last_at", "f8"),
         ("rough_for", "f8"),
+        ("missed", "f8"),
         ("filtered", "f8"),
         ("derivative", "f8"),
         ("slow_derivative", "f8"),
@@ -125,6 +130,12 @@ def is_moving(speed):
 
 
 @inner
+def _should_change(speed):
+    """Whether a speed that stays the same is odd."""
+    return abs(speed.last) > SLOW or (is_moving(speed) and abs(speed.missed) > MISSED)
+
+
+@inner
 def jerk_of(speed):
     """m/s^3, filtered."""
     return (speed.derivative - speed.slow_derivative) / JERK_FILTER
@@ -156,14 +167,15 @@ def follow_speed(speed, settings, at, value, acceleration, shaken):
 def _take(speed, settings, at, value, acceleration, shaken):
     healthy = not speed.faulty
     take_roughness(speed.roughness, value, healthy)
-    take_repetition(speed.repetition, value, healthy)
+    equal = take_repetition(speed.repetition, value, healthy)
     period = min(at - speed.last_at, 1.0)
+    speed.missed = speed.missed + acceleration * period if equal else 0.0
     if isfinite(speed.last):
         _check_jump(speed, value, period, acceleration)
     speed.last, speed.last_at = value, at
     rough = is_rough(speed.roughness)
     speed.rough_for = speed.rough_for + period if rough else 0.0
-    if settings.check_repetition and is_frozen(speed.repetition) and is_moving(speed):
+    if settings.check_repetition and is_frozen(speed.repetition) and _should_change(speed):
         run = speed.repetition.run + 1
         _convict(speed, Kind.HOLD, np.nan, Ground.SPEED_HELD, value, run, 0.0)
     elif settings.check_roughness and speed.rough_for >= ROUGH_TIME and not shaken:

@@ -310,7 +310,7 @@ def follow_agreement(signal, period, step, spread):
         share = min(period / SIZE_TIME, 1.0)
         signal.estimate += share * (signal.residual - signal.estimate)
     repeats = signal.kind == Kind.HOLD or signal.kind == Kind.ZERO
-    if off or (repeats and is_frozen(signal.repetition)) or is_rough(signal.roughness):
+    if off or (repeats and is_held(signal)) or is_rough(signal.roughness):
         signal.agreeing, signal.came_back = 0.0, False
         return False
     if signal.kind != Kind.OFFSET and abs(step) > max(0.8 * signal.floor, 0.4 * size):

@@ -102,7 +102,7 @@ class DrivingSettings(Settings):
         25, "steps", "length of that horizon", "docs/closed-loop.md", fixed=True, ge=5, le=60
     )
     control_clearance_weight: float = setting(
-        0.04, "1/m^2", "weight of the clearance error", "docs/closed-loop.md", gt=0.0, le=1e3
+        0.1, "1/m^2", "weight of the clearance error", "docs/closed-loop.md", gt=0.0, le=1e3
     )
     control_velocity_weight: float = setting(
         0.4, "s^2/m^2", "weight of the relative velocity", "docs/closed-loop.md", gt=0.0, le=1e3
