@@ -5,10 +5,13 @@ FAULT ?=
 RATE ?= 1.0
 PROFILE ?= robust
 
+LEAD ?=
+LOOP_RATE ?= 0
+
 FULL ?=
 RECORDED ?= ../shared/data
 
-.PHONY: setup replay evaluate bench test soak lint parameters clean
+.PHONY: setup replay simulate evaluate bench test soak lint parameters clean
 
 setup:
 	@command -v git >/dev/null || { echo "setup: missing: git" >&2; exit 1; }
@@ -17,6 +20,9 @@ setup:
 
 replay: setup
 	@./run lfd_bringup replay --drive '$(DRIVE)' --fault '$(FAULT)' --rate '$(RATE)' --profile '$(PROFILE)' --out out/replay
+
+simulate: setup
+	@./run lfd_bringup simulate --lead '$(LEAD)' --fault '$(FAULT)' --rate '$(LOOP_RATE)' --profile '$(PROFILE)' --out out/simulate
 
 evaluate: setup
 	@./run lfd_replay paper_evaluation --out out/evaluate --recorded '$(RECORDED)' $(if $(filter-out 0,$(FULL)),--full)

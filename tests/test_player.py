@@ -14,13 +14,8 @@ from lfd_mpc.horizon import Mpc
 from lfd_mpc.sampling import Sampler
 from lfd_mpc.settings import MpcSettings
 from lfd_replay.drive import Drive
-from lfd_replay.player import (
-    LockstepError,
-    PlayerNode,
-    PlayOptions,
-    horizon_difference,
-    samples_to_play,
-)
+from lfd_replay.lockstep import LockstepError, horizon_difference
+from lfd_replay.player import PlayerNode, PlayOptions, samples_to_play
 from ros_support import Graph
 
 LAUNCH = Path(__file__).parent.parent / "ros2_ws/src/lfd_bringup/launch/replay.launch.py"
@@ -106,7 +101,7 @@ def test_lockstep_notices_a_sample_that_was_not_used() -> None:
 
 
 def test_lockstep_without_an_answer_is_an_error_that_says_what_is_owed(monkeypatch) -> None:
-    monkeypatch.setattr("lfd_replay.player.STEP_DEADLINE", 0.2)
+    monkeypatch.setattr("lfd_replay.lockstep.STEP_DEADLINE", 0.2)
     with Graph() as graph:
         player = graph.add(PlayerNode(drive(1.0), PlayOptions(rate=0.0), [], graph.context))
         with pytest.raises(LockstepError, match="mpc/received"):

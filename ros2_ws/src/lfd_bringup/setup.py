@@ -21,5 +21,10 @@ setup(
     maintainer_email="lfd@example.com",
     description="Launch files, parameter files and the one-process replay.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["replay = lfd_bringup.replay:main"]},
+    entry_points={
+        "console_scripts": [
+            "replay = lfd_bringup.replay:main",
+            "simulate = lfd_bringup.simulate:main",
+        ]
+    },
 )

@@ -14,5 +14,10 @@ setup(
     maintainer_email="lfd@example.com",
     description="Fault indices, confidence and the verdict on every sensor.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["diagnosis_node = lfd_diagnosis.diagnosis_node:main"]},
+    entry_points={
+        "console_scripts": [
+            "decision_node = lfd_diagnosis.decision_node:main",
+            "diagnosis_node = lfd_diagnosis.diagnosis_node:main",
+        ]
+    },
 )

@@ -6,6 +6,7 @@ setup(
     name="lfd_vehicle",
     version="0.1.0",
     packages=["lfd_vehicle"],
+    package_data={"lfd_vehicle": ["*.html"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/lfd_vehicle"]),
         ("share/lfd_vehicle", ["package.xml"]),

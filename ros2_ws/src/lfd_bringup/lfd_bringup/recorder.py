@@ -15,12 +15,15 @@ from lfd_mpc.horizon import Horizon
 from lfd_mpc.messages import from_message, from_time
 from lfd_mpc.node_support import PIPELINE_QOS, ReadyAnnouncer
 from lfd_msgs.msg import (
+    Decision,
+    DrivingState,
     FaultEvent,
     FaultReport,
     ObserverBank,
     PredictionHorizon,
     RadarTarget,
     ReconstructedState,
+    VehicleTruth,
 )
 from lfd_observer.bank import BankState
 from lfd_replay.drawing.panels import RecordedStep
@@ -39,16 +42,30 @@ TOPICS = {
 }
 
 
+LOOP_TOPICS = {
+    **TOPICS,
+    "diagnosis/decision": Decision,
+    "mpc/driving": DrivingState,
+    "vehicle/truth": VehicleTruth,
+}
+"""What is recorded of the closed loop."""
+
+
 class RecorderNode(Node):
     """Keeps serialised messages by topic, in the order in which they arrive."""
 
-    def __init__(self, on_event: Callable[[Event], None], context: Context | None = None) -> None:
+    def __init__(
+        self,
+        on_event: Callable[[Event], None],
+        context: Context | None = None,
+        topics: dict[str, type] = TOPICS,
+    ) -> None:
         """`on_event` is called with each change of state."""
         super().__init__("recorder", context=context)
-        self._on_event = on_event
-        self._raw: dict[str, list[bytes]] = {topic: [] for topic in TOPICS}
+        self._on_event, self._topics = on_event, topics
+        self._raw: dict[str, list[bytes]] = {topic: [] for topic in topics}
         self.received = 0
-        for topic, kind in TOPICS.items():
+        for topic, kind in topics.items():
             self.create_subscription(
                 kind,
                 topic,
@@ -56,12 +73,12 @@ class RecorderNode(Node):
                 EVENT_QOS if kind is FaultEvent else PIPELINE_QOS,
                 raw=True,
             )
-        ReadyAnnouncer(self, list(TOPICS))
+        ReadyAnnouncer(self, list(topics))
 
     def _keep(self, topic: str, raw: bytes) -> None:
         self._raw[topic].append(raw)
         self.received += 1
-        if TOPICS[topic] is FaultEvent:
+        if self._topics[topic] is FaultEvent:
             self._on_event(from_message(Event, deserialize_message(raw, FaultEvent)))
 
     def count(self, topic: str) -> int:
@@ -70,7 +87,7 @@ class RecorderNode(Node):
 
     def messages(self, topic: str) -> list:
         """The messages of one topic."""
-        return [deserialize_message(raw, TOPICS[topic]) for raw in self._raw[topic]]
+        return [deserialize_message(raw, self._topics[topic]) for raw in self._raw[topic]]
 
     def steps(self) -> Sequence[RecordedStep]:
         """What every node said about each step."""
@@ -90,7 +107,7 @@ class RecorderNode(Node):
         Raises OSError where nothing can be written.
         """
         rows = []
-        for topic, kind in TOPICS.items():
+        for topic, kind in self._topics.items():
             name = f"lfd_msgs/msg/{kind.__name__}"
             if not kind.__module__.startswith("lfd_msgs"):
                 name = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"

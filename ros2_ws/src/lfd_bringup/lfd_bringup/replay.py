@@ -5,6 +5,7 @@ import json
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import rclpy
@@ -28,8 +29,9 @@ from lfd_replay.errors import run_command
 from lfd_replay.evaluate import add_drive_options, print_table, result_table, warn
 from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.generated.generate import generate_drive
+from lfd_replay.lockstep import LockstepError
 from lfd_replay.paths import share_folder
-from lfd_replay.player import GRAPH_NODES, LockstepError, PlayerNode, samples_to_play
+from lfd_replay.player import GRAPH_NODES, PlayerNode, samples_to_play
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES
 from lfd_replay.read_drive import read_drive, read_options
 from lfd_replay.score import score, timeline
@@ -60,12 +62,16 @@ def event_line(event: Event, zero: int) -> Text:
     return line
 
 
-def graph_nodes(profile: str) -> list[Node]:
-    """The three nodes of the graph with a profile's parameters, for replay in one process."""
+def graph_nodes(profile: str, further: Sequence[str] = ()) -> list[Node]:
+    """The three nodes of the graph with a profile's parameters, in one process.
+
+    `further` ROS arguments hold for all of them.
+    """
     params = share_folder("lfd_bringup") / "params"
     arguments = ["--ros-args", "-p", "use_sim_time:=true"]
     for name in (profile, "lockstep"):
         arguments += ["--params-file", str(params / f"{name}.yaml")]
+    arguments += further
     return [kind(cli_args=arguments) for kind in (MpcNode, ObserverNode, DiagnosisNode)]
 
 
@@ -74,6 +80,14 @@ def default_drive(out: Path) -> Path:
     path = out / f"{DEFAULT_DRIVE}.mcap"
     write_drive(generate_drive(DEFAULT_DRIVE, seed=0, sensor="esr"), path)
     return path
+
+
+def make_folder(out: Path) -> None:
+    """Where everything is left. Raises UserError where it cannot be made."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out {out}: cannot be made ({error.strerror})") from error
 
 
 def main_replay(arguments: list[str]) -> int:
@@ -105,11 +119,7 @@ def main_replay(arguments: list[str]) -> int:
     if not samples:
         raise UserError(f"{path}: no sample between --start and --start + --duration")
 
-    try:
-        options.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out {options.out}: cannot be made ({error.strerror})") from error
-
+    make_folder(options.out)
     console = Console(soft_wrap=True)
     console.print(f"replay of {drive.name}: {drive.duration:.1f} s, profile {options.profile}")
     for fault in faults:
@@ -149,20 +159,36 @@ def _play_to_the_end(
     """Whether the drive was played to its end; what was recorded of it until then is not lost."""
     try:
         play(player, executor, console)
-        _drain(executor, recorder)
+        drain(executor, recorder)
     except (KeyboardInterrupt, ExternalShutdownException):
         print("interrupted: what was recorded until now is written", file=sys.stderr)
         return False
     return True
 
 
-def _drain(executor: Executor, recorder: RecorderNode) -> None:
+def drain(executor: Executor, recorder: RecorderNode) -> None:
     """Spin until nothing arrives any more."""
     received, quiet_since = -1, time.monotonic()
     while time.monotonic() - quiet_since < QUIET:
         executor.spin_once(timeout_sec=QUIET)
         if recorder.received != received:
             received, quiet_since = recorder.received, time.monotonic()
+
+
+def write_bag(recorder: RecorderNode, bag: Path) -> None:
+    """Write what was recorded, in place of an older bag. Raises UserError where it does not fit."""
+    with tempfile.TemporaryDirectory(dir=bag.parent, prefix=".writing-") as folder:
+        writing = Path(folder) / "bag"
+        try:
+            written, count = recorder.write(writing)
+        except OSError as error:
+            raise UserError(f"{bag}: cannot be written ({error.strerror})") from error
+        replace_folder(writing, bag)
+    if written < count:
+        raise UserError(
+            f"{bag}: the disk is full: it holds the first {written} of {count} messages, "
+            "and there is no report"
+        )
 
 
 def _leave(
@@ -174,18 +200,7 @@ def _leave(
 
     steps = recorder.steps()
     sensors = score(timeline((step.report for step in steps), drive.zero), faults)
-    with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as folder:
-        bag = Path(folder) / "bag"
-        try:
-            written, count = recorder.write(bag)
-        except OSError as error:
-            raise UserError(f"{out / 'bag'}: cannot be written ({error.strerror})") from error
-        replace_folder(bag, out / "bag")
-    if written < count:
-        raise UserError(
-            f"{out / 'bag'}: the disk is full: it holds the first {written} of {count} messages, "
-            "and there is no report"
-        )
+    write_bag(recorder, out / "bag")
     write_text(out / "summary.json", json.dumps(sensors, indent=1) + "\n")
     report = write_report(out, drive.name, steps, drive.zero, faults, sensors)
     print_table(result_table(sensors, f"{len(steps)} steps"))

@@ -60,10 +60,10 @@ class DecisionNode(Node):
     def _statuses(self, _period_ends: bool) -> list[Health]:
         last = self._last
         if last is None:
-            return [Health("fault level", Level.STALE, "no decision yet", {})]
+            return [Health("fault level", "", Level.STALE, "no decision yet")]
         values = {"action": last.action.name, "since": f"{last.since * 1e-9:.2f} s"}
         message = f"{last.level.name}: {last.reason}" if last.reason else last.level.name
-        return [Health("fault level", LEVELS[last.level], message, values)]
+        return [Health("fault level", "", LEVELS[last.level], message, values)]
 
     def _on_report(self, message: FaultReport) -> None:
         if message.step:

@@ -20,7 +20,8 @@ COLOURS = {
 GREY = (0.5, 0.5, 0.5)
 
 
-def _marker(frame: str, stamp: Time, number: int, name: str, kind: int) -> Marker:
+def new_marker(frame: str, stamp: Time, number: int, name: str, kind: int) -> Marker:
+    """A marker that vanishes when it is not renewed."""
     marker = Marker(ns=name, id=number, type=kind, action=Marker.ADD)
     marker.header.frame_id, marker.header.stamp = frame, stamp
     marker.pose.orientation.w = 1.0
@@ -29,17 +30,19 @@ def _marker(frame: str, stamp: Time, number: int, name: str, kind: int) -> Marke
     return marker
 
 
-def _car(
+def as_car(
     marker: Marker, clearance: float, colour: tuple[float, float, float], alpha: float
 ) -> Marker:
+    """Make a marker a car whose rear is at `clearance` (m), `alpha` opaque."""
     marker.pose.position.x = clearance + CAR[0] / 2.0
     marker.pose.position.z = CAR[2] / 2.0
     marker.scale.x, marker.scale.y, marker.scale.z = CAR
-    marker.color = _colour(colour, alpha)
+    marker.color = colour_of(colour, alpha)
     return marker
 
 
-def _colour(colour: tuple[float, float, float], alpha: float) -> ColorRGBA:
+def colour_of(colour: tuple[float, float, float], alpha: float) -> ColorRGBA:
+    """A colour of a marker."""
     return ColorRGBA(r=colour[0], g=colour[1], b=colour[2], a=alpha)
 
 
@@ -48,24 +51,24 @@ def markers(horizon: Horizon, outcome: Outcome, frame: str, stamp: Time) -> Mark
     report, made = outcome.report, outcome.reconstruction
     array = MarkerArray()
     if isfinite(horizon.measured_clearance):
-        marker = _marker(frame, stamp, 0, "lead as measured", Marker.CUBE)
+        marker = new_marker(frame, stamp, 0, "lead as measured", Marker.CUBE)
         colour = COLOURS.get(report.clearance.state, GREY)
-        array.markers.append(_car(marker, horizon.measured_clearance, colour, 0.9))
+        array.markers.append(as_car(marker, horizon.measured_clearance, colour, 0.9))
     if made.clearance_valid:
-        marker = _marker(frame, stamp, 1, "lead as reconstructed", Marker.CUBE)
-        array.markers.append(_car(marker, made.clearance, (0.2, 0.4, 0.9), 0.4))
-        limits = _marker(frame, stamp, 2, "95 % of the reconstruction", Marker.CUBE)
+        marker = new_marker(frame, stamp, 1, "lead as reconstructed", Marker.CUBE)
+        array.markers.append(as_car(marker, made.clearance, (0.2, 0.4, 0.9), 0.4))
+        limits = new_marker(frame, stamp, 2, "95 % of the reconstruction", Marker.CUBE)
         limits.pose.position.x = made.clearance
         limits.scale.x = max(2.0 * 1.96 * made.clearance_std, 0.01)
         limits.scale.y, limits.scale.z = 2.0 * CAR[1], 0.05
-        limits.color = _colour((0.2, 0.4, 0.9), 0.5)
+        limits.color = colour_of((0.2, 0.4, 0.9), 0.5)
         array.markers.append(limits)
-    words = _marker(frame, stamp, 3, "verdicts", Marker.TEXT_VIEW_FACING)
+    words = new_marker(frame, stamp, 3, "verdicts", Marker.TEXT_VIEW_FACING)
     words.pose.position.z = 3.0
     words.scale.z = 0.6
     verdicts = {name: getattr(report, name) for name in SIGNALS}
     worst = State.FAULT if State.FAULT in {v.state for v in verdicts.values()} else State.OK
-    words.color = _colour(COLOURS[worst], 1.0)
+    words.color = colour_of(COLOURS[worst], 1.0)
     words.text = "\n".join(
         f"{name}: {verdict.state.name} {verdict.confidence}/{verdict.confidence_threshold}"
         for name, verdict in verdicts.items()

@@ -103,7 +103,12 @@ class CarDriver:
         self._model, self._settings = build_following_model(settings), settings
 
     def decide(self, decision: Decision) -> None:
-        """Take the newest decision; it holds from the next step on."""
+        """Take the newest decision; it holds from the next step on.
+
+        Raises ValueError for one that no decision node makes.
+        """
+        if not 0.0 <= decision.deceleration < inf:
+            raise ValueError(f"a deceleration of {decision.deceleration:g} m/s^2")
         self._decision = decision
 
     def drive(self, horizon: Horizon) -> DrivingState:

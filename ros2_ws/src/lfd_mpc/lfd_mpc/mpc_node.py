@@ -17,10 +17,12 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Header
 
+from lfd_mpc.decision import Decision as Decided
+from lfd_mpc.driving import DrivingMpc
 from lfd_mpc.errors import UserError
 from lfd_mpc.health import Health, StepHealth
 from lfd_mpc.horizon import Horizon, Mpc, first_horizon
-from lfd_mpc.messages import from_time, radar_sample, to_message, to_time
+from lfd_mpc.messages import from_message, from_time, radar_sample, to_message, to_time
 from lfd_mpc.node_support import (
     PIPELINE_QOS,
     HealthPublisher,
@@ -39,7 +41,7 @@ from lfd_mpc.sampling import (
     playing_order,
 )
 from lfd_mpc.settings import MpcSettings
-from lfd_msgs.msg import PredictionHorizon, RadarTarget
+from lfd_msgs.msg import Decision, DrivingState, PredictionHorizon, RadarTarget
 
 
 def sensor_qos() -> QoSProfile:
@@ -89,7 +91,7 @@ class MpcNode(Node):
         settings = declare_settings(self, MpcSettings, self._change)
         first_horizon()
         try:
-            self._core = Mpc(settings)
+            self._core = DrivingMpc(settings) if settings.driving else Mpc(settings)
         except ValueError as error:
             raise UserError(f"mpc_node: {error}") from error
         self._horizon = self.create_publisher(
@@ -112,6 +114,12 @@ class MpcNode(Node):
                 qos,
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
                 event_callbacks=hearing(self, topic, qos),
+            )
+        self._driving = None
+        if settings.driving:
+            self._driving = self.create_publisher(DrivingState, "mpc/driving", PIPELINE_QOS)
+            self.create_subscription(
+                Decision, "diagnosis/decision", self._on_decision, PIPELINE_QOS
             )
         self.create_subscription(Clock, "/clock", self._on_clock, qos_profile_sensor_data)
         self._health, self._counts = StepHealth(), {}
@@ -138,10 +146,21 @@ class MpcNode(Node):
             while (message := self._take(subscription)) is not None:
                 queue.append(convert(message))
         for sample in heapq.merge(*queues.values(), key=playing_order):
-            if self._receipts is not None:
-                receipt = Header(stamp=to_time(sample.stamp), frame_id=sample.input)
-                self._receipts.publish(receipt)
+            self._confirm(sample.stamp, sample.input)
             self._publish(self._core.push(sample))
+
+    def _confirm(self, stamp: int, what: str) -> None:
+        if self._receipts is not None:
+            self._receipts.publish(Header(stamp=to_time(stamp), frame_id=what))
+
+    def _on_decision(self, message: Decision) -> None:
+        assert isinstance(self._core, DrivingMpc)
+        try:
+            self._core.driver.decide(from_message(Decided, message))
+        except ValueError as error:
+            self._health.refuse(f"diagnosis/decision: {error}")
+        if message.step:
+            self._confirm(from_time(message.header.stamp), "decision")
 
     @staticmethod
     def _take(subscription: Subscription):
@@ -160,6 +179,9 @@ class MpcNode(Node):
             command = AccelStamped(header=message.header)
             command.accel.linear.x = horizon.command
             self._command.publish(command)
+            if self._driving is not None and isinstance(self._core, DrivingMpc):
+                driven = self._core.driven.pop(0)
+                self._driving.publish(to_message(driven, DrivingState()))
             self._health.step(
                 time.monotonic(), horizon.stamp, horizon.solve_time, horizon.fallbacks
             )

@@ -1,47 +1,27 @@
 """The player node: a drive's samples become messages, at a rate or step by step."""
 
-import struct
 import time
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, isnan
+from math import inf
 
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.qos import ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Header, String
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.horizon import Horizon
-from lfd_mpc.messages import from_message, to_time
-from lfd_mpc.mpc_node import RECEIPTS_QOS, RECEIPTS_TOPIC
+from lfd_mpc.messages import to_time
 from lfd_mpc.node_support import PIPELINE_QOS, READY_QOS, READY_TOPIC
-from lfd_mpc.sampling import Reading, Sample, Sampler, StepInputs
+from lfd_mpc.sampling import Sample
 from lfd_mpc.settings import STEP_NS
-from lfd_msgs.msg import (
-    FaultReport,
-    ObserverBank,
-    PredictionHorizon,
-    ReconstructedState,
-)
 from lfd_replay.drive import Drive, playing_times
 from lfd_replay.faults import Fault, FaultInjector
+from lfd_replay.lockstep import ANSWERS, Lockstep
 from lfd_replay.sample_publishers import SamplePublishers
 
 GRAPH_NODES = ("mpc_node", "observer_node", "diagnosis_node")
-
-ANSWERS = {
-    "observer/bank": ObserverBank,
-    "diagnosis/faults": FaultReport,
-    "diagnosis/reconstructed": ReconstructedState,
-}
-"""What lockstep waits for at each step, beside the horizon itself."""
-
-STEP_DEADLINE = 10.0
-"""Seconds of wall time that the graph has to answer a step in lockstep."""
 
 READY_DEADLINE = 30.0
 """Seconds of wall time that the nodes have to become ready."""
@@ -51,10 +31,6 @@ SETTLE = 0.5
 
 HEARTBEAT = 0.1
 """Seconds between repeated /clock messages while nothing moves: a pause is no silence."""
-
-
-class LockstepError(Exception):
-    """The graph did not answer a step, or answered another one."""
 
 
 @dataclass(frozen=True)
@@ -113,32 +89,13 @@ class PlayerNode(Node):
         self._last_clock = -STEP_NS
         self._last_beat = 0.0
         self._clock_wall = 0.0
-        self._sampler = Sampler()
-        self._expected: deque[StepInputs] = deque()
-        self._next_steps: list[StepInputs] | None = None
-        self._unconfirmed = 0
-        self._awaited: dict[str, set[int]] = {topic: set() for topic in ANSWERS}
-        self._deadline = inf
-        self.error: LockstepError | None = None
         self._clock = self.create_publisher(Clock, "/clock", 10)
         self._outputs = SamplePublishers(self, PIPELINE_QOS)
         self.create_subscription(String, READY_TOPIC, self._on_ready, READY_QOS)
         self.create_service(Trigger, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/resume", self._on_resume)
         self.create_service(Trigger, "~/step", self._on_step)
-        if self.lockstep:
-            self.create_subscription(
-                PredictionHorizon, "mpc/horizon", self._on_horizon, PIPELINE_QOS
-            )
-            self.create_subscription(Header, RECEIPTS_TOPIC, self._on_receipt, RECEIPTS_QOS)
-            for topic, kind in ANSWERS.items():
-                self.create_subscription(
-                    kind,
-                    topic,
-                    lambda raw, topic=topic: self._on_answer(topic, raw),
-                    PIPELINE_QOS,
-                    raw=True,
-                )
+        self._lockstep = Lockstep(self, ANSWERS) if self.lockstep else None
 
     @property
     def lockstep(self) -> bool:
@@ -167,15 +124,13 @@ class PlayerNode(Node):
 
     @property
     def _waiting(self) -> bool:
-        return bool(self._expected or self._unconfirmed or any(self._awaited.values()))
+        return self._lockstep is not None and self._lockstep.waiting
 
     def pump(self) -> float:
         """Publish what is due; returns the s of wall time until the next call is due.
 
         Raises UserError when the nodes do not become ready, LockstepError when a step fails.
         """
-        if self.error is not None:
-            raise self.error
         now = time.monotonic()
         if self._missing:
             if now - self._created > READY_DEADLINE:
@@ -188,14 +143,16 @@ class PlayerNode(Node):
             if now - self._created < SETTLE:
                 return SETTLE - (now - self._created)
             self._check_alone()
-            if self.lockstep:
-                self._check_reliable()
+            if self._lockstep is not None:
+                self._lockstep.check_reliable(self._outputs.topics)
             self._started = now
             self._clock_wall = now
         if self._paused:
             self._beat(now)
             return HEARTBEAT
-        return self._pump_lockstep(now) if self.lockstep else self._pump_free(now)
+        if self._lockstep is not None:
+            return self._pump_lockstep(self._lockstep, now)
+        return self._pump_free(now)
 
     def _pump_free(self, now: float) -> float:
         elapsed = round((now - self._clock_wall) * self._options.rate * 1e9)
@@ -214,23 +171,13 @@ class PlayerNode(Node):
             self._rewind(now)
         return 0.0
 
-    def _pump_lockstep(self, now: float) -> float:
-        while self._position < len(self._samples) and not any(self._awaited.values()):
-            sample = self._samples[self._position]
-            if self._next_steps is None:
-                self._next_steps = self._sampler.push(sample)
-            if self._next_steps and self._unconfirmed:
-                break
-            self._expected.extend(self._next_steps)
-            for awaited in self._awaited.values():
-                awaited.update(step.stamp for step in self._next_steps)
-            self._next_steps = None
+    def _pump_lockstep(self, lockstep: Lockstep, now: float) -> float:
+        lockstep.check()
+        while self._position < len(self._samples) and lockstep.may_send(
+            sample := self._samples[self._position]
+        ):
             self._tick(sample.stamp)
             self._send(sample)
-            self._unconfirmed += 1
-            self._deadline = now + STEP_DEADLINE
-        if now > self._deadline and not self.done:
-            raise LockstepError(self._overdue())
         if self._position >= len(self._samples) and self._options.loop and not self._waiting:
             self._rewind(now)
         return HEARTBEAT
@@ -266,53 +213,6 @@ class PlayerNode(Node):
                     "end it, or set another ROS_DOMAIN_ID"
                 )
 
-    def _check_reliable(self) -> None:
-        """Lockstep must not lose a sample. Raises UserError where one could be lost."""
-        for topic in self._outputs.topics:
-            for info in self.get_subscriptions_info_by_topic(topic):
-                best_effort = info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-                if info.node_name == "mpc_node" and best_effort:
-                    raise UserError(
-                        f"lockstep needs a reliable subscription to {topic}: start mpc_node with "
-                        "the parameter file lockstep.yaml of lfd_bringup"
-                    )
-
-    def _on_horizon(self, message: PredictionHorizon) -> None:
-        if not self._expected:
-            self._fail(
-                f"a step at {message.header.stamp.sec} s that no sample released: "
-                "is another graph running in this ROS_DOMAIN_ID?"
-            )
-            return
-        expected = self._expected.popleft()
-        difference = horizon_difference(expected, from_message(Horizon, message))
-        if difference:
-            self._fail(f"step at {expected.stamp * 1e-9:.2f} s: {difference}")
-
-    def _on_receipt(self, _message: Header) -> None:
-        self._unconfirmed -= 1
-
-    def _on_answer(self, topic: str, raw: bytes) -> None:
-        # The header's stamp follows the four bytes of the CDR encapsulation.
-        seconds, nanoseconds = struct.unpack_from("<iI", raw, 4)
-        self._awaited[topic].discard(seconds * 1_000_000_000 + nanoseconds)
-
-    def _fail(self, text: str) -> None:
-        self.error = self.error or LockstepError(f"lockstep: {text}")
-
-    def _overdue(self) -> str:
-        """What the graph still owes."""
-        owed = [f"{topic} ({len(stamps)})" for topic, stamps in self._awaited.items() if stamps]
-        if self._expected:
-            owed.insert(0, f"mpc/horizon ({len(self._expected)})")
-        if self._unconfirmed:
-            owed.insert(0, f"{RECEIPTS_TOPIC} ({self._unconfirmed})")
-        at = self._samples[self._position - 1].stamp * 1e-9
-        return (
-            f"lockstep: after the sample at {at:.3f} s nothing came for {STEP_DEADLINE:.0f} s; "
-            f"still owed: {', '.join(owed)}"
-        )
-
     def _on_pause(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = not self._paused
         response.message = "paused" if response.success else "is paused already"
@@ -327,7 +227,8 @@ class PlayerNode(Node):
             self._paused = False
             paused = time.monotonic() - self._pause_wall
             self._clock_wall += paused
-            self._deadline += paused
+            if self._lockstep is not None:
+                self._lockstep.postpone(paused)
         return response
 
     def _on_step(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -340,8 +241,8 @@ class PlayerNode(Node):
         elif self._waiting:
             response.message = "the step before is not answered yet"
         else:
-            if self.lockstep:
-                self._pump_lockstep(self._pause_wall)
+            if self._lockstep is not None:
+                self._pump_lockstep(self._lockstep, self._pause_wall)
             else:
                 played = self._times[self._position - 1] if self._position else 0
                 due = (played // STEP_NS + 1) * STEP_NS
@@ -349,18 +250,3 @@ class PlayerNode(Node):
                 self._pump_free(self._pause_wall)
             response.success, response.message = True, f"at {self.played:.2f} s of drive time"
         return response
-
-
-def horizon_difference(expected: StepInputs, horizon: Horizon) -> str:
-    """What the controller used other than the samples that it was sent; empty = nothing."""
-    if horizon.stamp != expected.stamp:
-        return f"the controller answered for {horizon.stamp * 1e-9:.2f} s"
-    for name in ("clearance", "relative_velocity", "acceleration", "host_speed"):
-        reading: Reading = getattr(expected, name)
-        got = getattr(horizon, f"measured_{name}"), getattr(horizon, f"{name}_age")
-        for what, want, have in zip(
-            ("value", "age"), (reading.measured, reading.age), got, strict=True
-        ):
-            if want != have and not (isnan(want) and isnan(have)):
-                return f"{name} {what} should be {want!r}, the controller used {have!r}"
-    return ""

@@ -1,0 +1,194 @@
+"""simulate: the closed loop in the live node graph, with timeline, bag, report and a page to watch.
+
+The controller drives a full vehicle model behind a lead; faults are injected into what its sensors
+say, and the decision acts on the verdicts.
+"""
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+import rclpy
+from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.node import Node
+from rclpy.utilities import remove_ros_args
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+
+from lfd_bringup.recorder import LOOP_TOPICS, RecorderNode
+from lfd_bringup.replay import (
+    INTERRUPTED,
+    drain,
+    event_line,
+    graph_nodes,
+    make_folder,
+    write_bag,
+)
+from lfd_diagnosis.decision_node import DecisionNode
+from lfd_mpc.errors import UserError
+from lfd_mpc.node_support import make_executor, start_ros
+from lfd_replay.errors import run_command
+from lfd_replay.evaluate import print_table, result_table
+from lfd_replay.faults import parse_faults
+from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES
+from lfd_replay.score import score, timeline
+from lfd_replay.text_file import write_text
+from lfd_vehicle.lead import lead_motion
+from lfd_vehicle.safety import Safety, safety_of
+from lfd_vehicle.vehicle_node import LOOP_NODES, VehicleNode
+
+DEFAULT_LEAD = "20,-3@15-20,2@30-36"
+DEFAULT_FAULT = "offset:clearance=4,relative_velocity=10@15.5-25"
+
+
+def loop_nodes(
+    lead: str, faults: str, profile: str, rate: float, arguments: list[str]
+) -> tuple[list[Node], VehicleNode]:
+    """The nodes of the closed loop in one process; `arguments` are further ROS arguments."""
+    driving = ["-p", "mpc_node:driving:=true"]
+    nodes = graph_nodes(profile, driving)
+    # Long texts would need quoting of YAML, which parameter overrides of the node do not.
+    own = [
+        rclpy.Parameter("lead", value=lead),
+        rclpy.Parameter("faults", value=faults),
+        rclpy.Parameter("rate", value=rate),
+    ]
+    nodes.append(DecisionNode(cli_args=["--ros-args", "-p", "use_sim_time:=true"]))
+    vehicle = VehicleNode(
+        parameter_overrides=own,
+        wait_for=(*LOOP_NODES, "recorder"),
+        cli_args=["--ros-args", *arguments],
+    )
+    return [*nodes, vehicle], vehicle
+
+
+def main_simulate(arguments: list[str]) -> int:
+    """The command line of `simulate`."""
+    parser = argparse.ArgumentParser(
+        prog="simulate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--lead",
+        default=DEFAULT_LEAD,
+        help="generated drive (data-1, braking:-6), drive file, or steps SPEED[,ACC@START-END...] "
+        "(default: %(default)s)",
+    )
+    parser.add_argument("--fault", action="append", default=[], help="fault text; may be repeated")
+    parser.add_argument("--rate", type=float, default=0.0, help="x real time; 0 = lockstep")
+    parser.add_argument("--seed", type=int, default=0, help="of the sensors' noise")
+    parser.add_argument(
+        "--model", default="multi_body", choices=("multi_body", "point_mass"), help="of the vehicle"
+    )
+    parser.add_argument(
+        "--profile",
+        default=DEFAULT_PROFILE,
+        help=f"one of: {', '.join(PROFILES)} (default: %(default)s)",
+    )
+    parser.add_argument("--out", type=Path, default=Path("out/simulate"), metavar="FOLDER")
+    options = parser.parse_args(remove_ros_args(["simulate", *arguments])[1:])
+    if options.profile not in PROFILES:
+        raise UserError(f"--profile {options.profile}: unknown; there are: {', '.join(PROFILES)}")
+    if options.seed < 0:
+        raise UserError(f"--seed {options.seed}: 0 or more is expected")
+    lead_text = options.lead or DEFAULT_LEAD
+    texts = [text for text in options.fault if text.strip()]
+    if not texts and lead_text == DEFAULT_LEAD:
+        texts = [DEFAULT_FAULT]
+    faults = parse_faults(texts)
+    lead = lead_motion(lead_text)
+    make_folder(options.out)
+
+    console = Console(soft_wrap=True)
+    console.print(
+        f"closed loop behind {lead.name}: {lead.duration:.1f} s, profile {options.profile}, "
+        f"{options.model}",
+        highlight=False,
+    )
+    for fault in faults:
+        console.print(f"  injected: {fault.text}", markup=False, highlight=False)
+    start_ros(arguments)
+    executor = make_executor()
+    nodes: list[Node] = []
+    try:
+        recorder = RecorderNode(
+            lambda event: console.print(event_line(event, 0), highlight=False), topics=LOOP_TOPICS
+        )
+        nodes.append(recorder)
+        own = ["-p", f"seed:={options.seed}", "-p", f"model:={options.model}"]
+        made, vehicle = loop_nodes(lead_text, ";".join(texts), options.profile, options.rate, own)
+        nodes += made
+        for node in nodes:
+            executor.add_node(node)
+        started = time.monotonic()
+        ended = _run_to_the_end(vehicle, executor, recorder, console)
+        wall, driven = time.monotonic() - started, vehicle.world.stamp * 1e-9
+        console.print(f"drove {driven:.1f} s in {wall:.1f} s ({driven / wall:.1f} x real time)")
+        _leave(options.out, lead_text, recorder, faults, console)
+        if vehicle.error is not None:
+            print(vehicle.error, file=sys.stderr)
+            return 2 if isinstance(vehicle.error, UserError) else 1
+    finally:
+        executor.shutdown()
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0 if ended else INTERRUPTED
+
+
+def _run_to_the_end(
+    vehicle: VehicleNode, executor: Executor, recorder: RecorderNode, console: Console
+) -> bool:
+    columns = (
+        TextColumn("simulate"),
+        BarColumn(),
+        TextColumn("{task.completed:.1f} / {task.total:.1f} s"),
+    )
+    try:
+        with Progress(
+            *columns, console=console, transient=True, disable=not console.is_terminal
+        ) as progress:
+            task = progress.add_task("simulate", total=vehicle.total)
+            while not vehicle.done and vehicle.error is None:
+                executor.spin_once(timeout_sec=0.1)
+                progress.update(task, completed=vehicle.world.stamp * 1e-9)
+        drain(executor, recorder)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        print("interrupted: what was recorded until now is written", file=sys.stderr)
+        return False
+    return True
+
+
+def _leave(out: Path, lead: str, recorder: RecorderNode, faults: list, console: Console) -> None:
+    """Bag, report, page and summary."""
+    from lfd_replay.report import write_report
+    from lfd_vehicle.watch_page import write_watch_page
+
+    steps = recorder.steps()
+    sensors = score(timeline((step.report for step in steps), 0), faults)
+    truth = recorder.messages("vehicle/truth")
+    levels = [decision.level for decision in recorder.messages("diagnosis/decision")]
+    safety = safety_of(truth, levels, bool(truth) and truth[-1].collided)
+    write_bag(recorder, out / "bag")
+    summary = {"lead": lead, "safety": safety.figures(), "sensors": sensors}
+    write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
+    report = write_report(out, f"closed loop behind {lead}", steps, 0, faults, sensors)
+    page = write_watch_page(out / "bag", out / "watch.html", faults)
+    print_table(result_table(sensors, f"{len(steps)} steps"))
+    _print_safety(safety, console)
+    console.print(f"bag: {out / 'bag'}   report: {report}   to watch: {page}", highlight=False)
+
+
+def _print_safety(safety: Safety, console: Console) -> None:
+    for name, text in safety.texts().items():
+        console.print(f"{name:>24}: {text}", highlight=False)
+
+
+def main() -> int:
+    """Entry point of `lfd_bringup simulate`."""
+    return run_command(main_simulate)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

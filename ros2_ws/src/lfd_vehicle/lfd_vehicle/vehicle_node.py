@@ -1,0 +1,228 @@
+"""vehicle_node: commands in; what the simulated car's sensors say, and the truth, out.
+
+Give `lead` (a generated drive's lead, a drive, or steps such as 20,-3@10-14) and `faults`
+(`KIND:SIGNAL=VALUE@START-END`, several separated by ;) as parameters. `lead/acceleration`
+(std_msgs/Float64, m/s^2) steers the lead live.
+"""
+
+import sys
+import time
+from dataclasses import dataclass
+
+from geometry_msgs.msg import AccelStamped
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.clock import Clock as RosClock
+from rclpy.clock import ClockType
+from rclpy.context import Context
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64, String
+from visualization_msgs.msg import MarkerArray
+
+from lfd_mpc.errors import UserError
+from lfd_mpc.messages import from_time, to_message, to_time
+from lfd_mpc.node_support import (
+    PIPELINE_QOS,
+    READY_QOS,
+    READY_TOPIC,
+    ReadyAnnouncer,
+    declare_settings,
+    run_node,
+)
+from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, Sample
+from lfd_mpc.settings import STEP_S, MpcSettings
+from lfd_msgs.msg import Decision, DrivingState, VehicleTruth
+from lfd_replay.faults import parse_faults
+from lfd_replay.lockstep import ANSWERS, Lockstep, LockstepError
+from lfd_replay.sample_publishers import SamplePublishers
+from lfd_vehicle.lead import lead_motion
+from lfd_vehicle.markers import markers
+from lfd_vehicle.settings import VehicleSettings
+from lfd_vehicle.vehicle import DivergenceError
+from lfd_vehicle.world import Scenario, World
+
+LOOP_ANSWERS = {
+    **ANSWERS,
+    "diagnosis/decision": Decision,
+    "mpc/driving": DrivingState,
+}
+"""What lockstep waits for in the closed loop."""
+
+LOOP_NODES = ("mpc_node", "observer_node", "diagnosis_node", "decision_node")
+
+READY_DEADLINE = 30.0
+"""Seconds of wall time that the nodes have to become ready."""
+
+MARKER_STEPS = 5
+"""Steps between two pictures."""
+
+
+@dataclass(slots=True)
+class TrueState:
+    """The fields, units and meanings of `lfd_msgs/VehicleTruth`; `stamp` in ns."""
+
+    stamp: int
+    step: int
+    clearance: float
+    relative_velocity: float
+    host_position: float
+    host_speed: float
+    host_acceleration: float
+    host_pitch: float
+    lead_speed: float
+    lead_acceleration: float
+    grade: float
+    command_lost: bool
+    collided: bool
+    model: str
+
+
+class VehicleNode(Node):
+    """Moves the world by 10 ms at a time: by the wall clock, or when the graph has answered."""
+
+    def __init__(
+        self,
+        context: Context | None = None,
+        wait_for: tuple[str, ...] = LOOP_NODES,
+        **node_options,
+    ) -> None:
+        """Raises UserError for a lead, faults or parameters that cannot be."""
+        super().__init__("vehicle_node", context=context, **node_options)
+        text = self._text_parameter("lead", "data-1", "lead: name, drive file or steps")
+        faults = self._text_parameter("faults", "", "fault texts, separated by ;")
+        rate_text = ParameterDescriptor(description="x real time; 0 = lockstep", read_only=True)
+        self._rate = float(self.declare_parameter("rate", 1.0, rate_text).value)
+        if not 0.0 <= self._rate <= 100.0:
+            raise UserError(f"parameter 'rate': {self._rate:g}; 0 (lockstep) to 100 is expected")
+        settings = declare_settings(self, VehicleSettings)
+        scenario = Scenario(lead_motion(text), tuple(parse_faults([faults])))
+        self.world = World(scenario, settings, MpcSettings())
+        self.total = scenario.lead.duration
+        self.error: Exception | None = None
+        self.done = False
+        self._waiting: list[Sample] = []
+        self._missing = set(wait_for)
+        self._begun = time.monotonic()
+        self._clock = self.create_publisher(Clock, "/clock", 10)
+        self._truth = self.create_publisher(VehicleTruth, "vehicle/truth", PIPELINE_QOS)
+        self._markers = self.create_publisher(MarkerArray, "vehicle/markers", 10)
+        inputs = (RADAR, ACCELERATION, HOST_SPEED)
+        self._outputs = SamplePublishers(self, PIPELINE_QOS, inputs)
+        self.create_subscription(AccelStamped, "mpc/command", self._on_command, PIPELINE_QOS)
+        self.create_subscription(Float64, "lead/acceleration", self._on_lead, 10)
+        self.create_subscription(String, READY_TOPIC, self._on_ready, READY_QOS)
+        self._commanded = -1
+        self._lockstep = (
+            Lockstep(self, LOOP_ANSWERS, 1, self._on_timer) if self._rate == 0.0 else None
+        )
+        steady = RosClock(clock_type=ClockType.STEADY_TIME)
+        period = 0.1 if self._lockstep is not None else STEP_S / self._rate
+        self._timer = self.create_timer(period, self._on_timer, clock=steady)
+        ReadyAnnouncer(self, ["mpc/command"])
+
+    def _text_parameter(self, name: str, default: str, text: str) -> str:
+        descriptor = ParameterDescriptor(description=text, read_only=True)
+        return str(self.declare_parameter(name, default, descriptor).value)
+
+    def _on_ready(self, message: String) -> None:
+        self._missing.discard(message.data.rsplit("/", 1)[-1])
+
+    def _on_command(self, message: AccelStamped) -> None:
+        try:
+            self.world.vehicle.command(message.accel.linear.x)
+        except ValueError as error:
+            self.get_logger().error(f"mpc/command: {error}", throttle_duration_sec=1.0)
+        self._commanded = from_time(message.header.stamp)
+        if self._lockstep is not None:
+            self._on_timer()
+
+    def _on_lead(self, message: Float64) -> None:
+        try:
+            self.world.lead.tell(message.data)
+        except ValueError as error:
+            self.get_logger().error(f"lead/acceleration: {error}", throttle_duration_sec=1.0)
+
+    def _on_timer(self) -> None:
+        if self.done or self.error is not None:
+            return
+        try:
+            if self._missing:
+                self._wait()
+            elif self._lockstep is None:
+                self._advance()
+            else:
+                self._pump(self._lockstep)
+        except (UserError, LockstepError, DivergenceError) as error:
+            self.error = error
+            self.get_logger().error(str(error))
+
+    def _wait(self) -> None:
+        if time.monotonic() - self._begun > READY_DEADLINE:
+            raise UserError(
+                f"waited {READY_DEADLINE:.0f} s for {', '.join(sorted(self._missing))} to be "
+                "ready: are they running, in the same ROS_DOMAIN_ID?"
+            )
+
+    def _advance(self) -> None:
+        for sample in self._now():
+            self._outputs.publish(sample)
+        self._go_on()
+
+    def _pump(self, lockstep: Lockstep) -> None:
+        """Send what may be sent; go on by a step when everything is answered."""
+        lockstep.check()
+        if self.world.steps == 0 and not self._waiting:
+            lockstep.check_reliable(self._outputs.topics)
+            self._waiting = self._now()
+        while True:
+            while self._waiting and lockstep.may_send(self._waiting[0]):
+                self._outputs.publish(self._waiting.pop(0))
+            if self._waiting or lockstep.waiting or self._commanded < lockstep.released:
+                return
+            self._go_on()
+            if self.done:
+                return
+            self._waiting = self._now()
+
+    def _now(self) -> list[Sample]:
+        """Tell the time and the truth; the samples of the last 10 ms."""
+        world = self.world
+        self._clock.publish(Clock(clock=to_time(world.stamp)))
+        moment, motion = world.moment, world.vehicle.motion
+        truth = TrueState(
+            world.stamp,
+            world.steps,
+            moment.clearance,
+            moment.relative_velocity,
+            motion.position,
+            moment.host_speed,
+            moment.host_acceleration,
+            moment.pitch,
+            world.lead.speed,
+            moment.lead_acceleration,
+            moment.grade,
+            world.vehicle.actuation.lost,
+            world.collided,
+            world.vehicle.model,
+        )
+        self._truth.publish(to_message(truth, VehicleTruth()))
+        if world.steps % MARKER_STEPS == 0:
+            self._markers.publish(markers(moment, to_time(world.stamp)))
+        return world.sense()
+
+    def _go_on(self) -> None:
+        self.world.step()
+        if self.world.ended:
+            self._now()
+            self.done = True
+            ending = "the cars touch" if self.world.collided else "the lead's motion ends"
+            self.get_logger().info(f"{ending} after {self.world.steps * STEP_S:.2f} s")
+
+
+def main() -> int:
+    """Entry point of `lfd_vehicle vehicle_node`."""
+    return run_node(VehicleNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
