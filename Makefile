@@ -26,6 +26,7 @@ simulate: setup
 
 evaluate: setup
 	@./run lfd_replay paper_evaluation --out out/evaluate --recorded '$(RECORDED)' $(if $(filter-out 0,$(FULL)),--full)
+	@./run lfd_vehicle closed_loop_evaluation --out out/evaluate $(if $(filter-out 0,$(FULL)),--full)
 
 bench: setup
 	@tools/in_workspace python benchmarks/run.py --out out/bench $(if $(filter-out 0,$(FULL)),--full)

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import pytest
 import rclpy
 
+from lfd_diagnosis.decision_node import DecisionNode
 from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_mpc.mpc_node import MpcNode
 from lfd_observer.observer_node import ObserverNode
@@ -21,6 +22,7 @@ NODES = {
     "mpc_node": MpcNode,
     "observer_node": ObserverNode,
     "diagnosis_node": DiagnosisNode,
+    "decision_node": DecisionNode,
     "fault_injector": FaultInjectorNode,
 }
 
@@ -53,9 +55,9 @@ def running(graph: Graph, watcher, node: str) -> dict[str, set[str]]:
 
 def test_the_policy_lists_exactly_what_the_running_graph_has() -> None:
     with Graph() as graph:
-        for name, kind in NODES.items():
-            markers = ["-p", "markers:=true"] if name == "diagnosis_node" else []
-            arguments = [*REPLAY_ARGUMENTS, *markers]
+        for kind in NODES.values():
+            arguments = [*REPLAY_ARGUMENTS, "-p", "diagnosis_node:markers:=true"]
+            arguments += ["-p", "mpc_node:driving:=true"]
             graph.add(kind(context=graph.context, cli_args=arguments))
         watcher = graph.add(rclpy.create_node("watcher", context=graph.context))
         for name in NODES:

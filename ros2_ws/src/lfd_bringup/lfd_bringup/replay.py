@@ -62,17 +62,20 @@ def event_line(event: Event, zero: int) -> Text:
     return line
 
 
-def graph_nodes(profile: str, further: Sequence[str] = ()) -> list[Node]:
-    """The three nodes of the graph with a profile's parameters, in one process.
+GRAPH = (MpcNode, ObserverNode, DiagnosisNode)
+"""What a replay runs."""
 
-    `further` ROS arguments hold for all of them.
-    """
+
+def graph_nodes(
+    profile: str, kinds: Sequence[type[Node]] = GRAPH, further: Sequence[str] = ()
+) -> list[Node]:
+    """Nodes of the graph with a profile's parameters and `further` ROS arguments, for lockstep."""
     params = share_folder("lfd_bringup") / "params"
     arguments = ["--ros-args", "-p", "use_sim_time:=true"]
     for name in (profile, "lockstep"):
         arguments += ["--params-file", str(params / f"{name}.yaml")]
     arguments += further
-    return [kind(cli_args=arguments) for kind in (MpcNode, ObserverNode, DiagnosisNode)]
+    return [kind(cli_args=arguments) for kind in kinds]
 
 
 def default_drive(out: Path) -> Path:

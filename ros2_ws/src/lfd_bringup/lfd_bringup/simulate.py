@@ -19,6 +19,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from lfd_bringup.recorder import LOOP_TOPICS, RecorderNode
 from lfd_bringup.replay import (
+    GRAPH,
     INTERRUPTED,
     drain,
     event_line,
@@ -48,14 +49,13 @@ def loop_nodes(
 ) -> tuple[list[Node], VehicleNode]:
     """The nodes of the closed loop in one process; `arguments` are further ROS arguments."""
     driving = ["-p", "mpc_node:driving:=true"]
-    nodes = graph_nodes(profile, driving)
+    nodes = graph_nodes(profile, (*GRAPH, DecisionNode), driving)
     # Long texts would need quoting of YAML, which parameter overrides of the node do not.
     own = [
         rclpy.Parameter("lead", value=lead),
         rclpy.Parameter("faults", value=faults),
         rclpy.Parameter("rate", value=rate),
     ]
-    nodes.append(DecisionNode(cli_args=["--ros-args", "-p", "use_sim_time:=true"]))
     vehicle = VehicleNode(
         parameter_overrides=own,
         wait_for=(*LOOP_NODES, "recorder"),

@@ -40,8 +40,11 @@ NEAR_ENOUGH = 1.0
 ROLLING = 0.5
 """m/s of a lead that has set off."""
 
-HOLDING = -1.5
-"""m/s^2 with which the brakes hold a standing car."""
+HOLDING, STOPPING = -1.5, -0.6
+"""m/s^2 with which the brakes hold a standing car, and end a stop without a jerk."""
+
+SOFT = 1.2
+"""1/s: a stop that is not an emergency brakes with so many times the speed at the most."""
 
 HARD = 1.5
 """Deceleration in m/s^2 that must be needed before the jerk is more than comfortable."""
@@ -120,7 +123,7 @@ class CarDriver:
         if decision is None:
             # Before the first one there is nothing that speaks against a sensor.
             action, level, reason = Action.FOLLOW, 0, "no decision yet"
-        elif age > settings.decision_timeout:
+        elif age - settings.decision_timeout > 0.5 * STEP_S:
             action, level = Action.STOP, 2
             reason = f"no decision for {age:.2f} s: the car is stopped"
         else:
@@ -136,9 +139,9 @@ class CarDriver:
         lead_acceleration = relative + acceleration if isfinite(relative) else 0.0
         known_lead = Lead(clearance, velocity, lead_acceleration)
         wanted, jerk = self._wanted(horizon, action, known_lead, acceleration, speed, desired)
+        if self._holding and action != Action.BRAKE:
+            wanted = HOLDING if isfinite(speed) and speed < STANDING else STOPPING
         self._command = self._gently(wanted, jerk)
-        if self._holding:
-            self._command = min(self._command, HOLDING)
         return DrivingState(
             horizon.stamp,
             horizon.step,
@@ -233,7 +236,8 @@ class CarDriver:
         if action in (Action.WARN, Action.STOP):
             wanted = min(wanted, 0.0)
         if action == Action.STOP:
-            wanted = min(wanted, -deceleration)
+            soft = max(-STOPPING, SOFT * speed) if isfinite(speed) else deceleration
+            wanted = min(wanted, -min(deceleration, soft))
             if deceleration > settings.stopping_deceleration:
                 jerk = settings.emergency_jerk
             self._holding = self._holding or (isfinite(speed) and speed < STANDING)

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Iterator
+from dataclasses import replace
 from math import floor
 from pathlib import Path
 
@@ -55,10 +56,10 @@ def with_noise(settings: GraphSettings, drives: list[Drive]) -> GraphSettings:
         "clearance_std": round(clearance, 4),
         "relative_velocity_std": round(velocity, 4),
     }
-    return GraphSettings(
-        settings.mpc,
-        _changed(settings.bank, motion),
-        _changed(settings.diagnosis, {**motion, **noise}),
+    return replace(
+        settings,
+        bank=_changed(settings.bank, motion),
+        diagnosis=_changed(settings.diagnosis, {**motion, **noise}),
     )
 
 
@@ -87,7 +88,7 @@ def with_thresholds(
         # Downwards, so that an index that equals the threshold still counts.
         thresholds[f"{signal}_threshold"] = floor(threshold * 1e5) / 1e5
     diagnosis = _changed(settings.diagnosis, thresholds)
-    return GraphSettings(settings.mpc, settings.bank, diagnosis), remarks
+    return replace(settings, diagnosis=diagnosis), remarks
 
 
 def _false_events(
@@ -145,10 +146,10 @@ def calibration_table(settings: GraphSettings, normal: IndexStatistics) -> Table
 def of_paper(settings: GraphSettings) -> GraphSettings:
     """The same settings under the paper profile."""
     changes = PROFILES["paper"]
-    return GraphSettings(
-        settings.mpc,
-        _changed(settings.bank, changes["observer_node"]),
-        _changed(settings.diagnosis, changes["diagnosis_node"]),
+    return replace(
+        settings,
+        bank=_changed(settings.bank, changes["observer_node"]),
+        diagnosis=_changed(settings.diagnosis, changes["diagnosis_node"]),
     )
 
 

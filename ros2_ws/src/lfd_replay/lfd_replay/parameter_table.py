@@ -1,5 +1,6 @@
 """docs/parameters.md: every parameter of every node, made from the settings themselves."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +31,13 @@ lockstep), `markers` and `marker_frame` (diagnosis_node, for RViz), `use_sim_tim
 """
 
 
-def parameter_table() -> str:
-    """The page."""
+Tables = Mapping[str, tuple[type[Settings], bool]]
+
+
+def parameter_table(further: Tables) -> str:
+    """The page, with the tables of `further` nodes at its end."""
     lines = [HEADING]
-    for node, (kind, changes) in TABLES.items():
+    for node, (kind, changes) in {**TABLES, **further}.items():
         lines += [f"## {node}", ""]
         lines.append("| parameter | default | unit | range | while running | what | source |")
         lines.append("|---|---|---|---|---|---|---|")
@@ -63,6 +67,6 @@ def _range(field: Any) -> str:
     return ""
 
 
-def write_parameter_table(folder: Path) -> None:
+def write_parameter_table(folder: Path, further: Tables) -> None:
     """Write the page into `folder`, for `make parameters`."""
-    (folder / "parameters.md").write_text(parameter_table())
+    (folder / "parameters.md").write_text(parameter_table(further))

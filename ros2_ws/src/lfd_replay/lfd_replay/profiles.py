@@ -1,4 +1,4 @@
-"""Profiles and parameter files: the settings of all three nodes."""
+"""Profiles and parameter files: the settings of all nodes."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from pathlib import Path
 import yaml
 from pydantic import ValidationError
 
-from lfd_diagnosis.settings import DiagnosisSettings
+from lfd_diagnosis.settings import DecisionSettings, DiagnosisSettings
 from lfd_mpc.errors import UserError
 from lfd_mpc.settings import MpcSettings, Settings, settings_error
 from lfd_observer.settings import BankSettings
@@ -29,12 +29,14 @@ class GraphSettings:
     mpc: MpcSettings
     bank: BankSettings
     diagnosis: DiagnosisSettings
+    decision: DecisionSettings = DecisionSettings()
 
 
 NODES: dict[str, type[Settings]] = {
     "mpc_node": MpcSettings,
     "observer_node": BankSettings,
     "diagnosis_node": DiagnosisSettings,
+    "decision_node": DecisionSettings,
 }
 """The settings of each node of the graph, by node name."""
 

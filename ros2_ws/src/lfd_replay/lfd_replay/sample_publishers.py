@@ -44,6 +44,11 @@ class SamplePublishers:
         """Full names of the topics."""
         return [publisher.topic_name for publisher in self._publishers.values()]
 
+    @property
+    def heard(self) -> bool:
+        """Whether every topic has a subscriber."""
+        return all(p.get_subscription_count() for p in self._publishers.values())
+
     def publish(self, sample: Sample) -> None:
         """Publish one sample on the topic of its input."""
         message = self._message(sample)

@@ -15,18 +15,20 @@ class Actuation:
 
     def __init__(self, settings: VehicleSettings) -> None:
         self._settings = settings
-        self._command, self._age = 0.0, 0.0
+        self._command, self._silent = 0.0, 0
+        self._coast_after = round(settings.coast_after / STEP_S)
+        self._brake_after = round(settings.brake_after / STEP_S)
         self._correction = 0.0
         self.applied = 0.0
 
     def command(self, acceleration: float) -> None:
         """Take a command in m/s^2."""
-        self._command, self._age = acceleration, 0.0
+        self._command, self._silent = acceleration, 0
 
     @property
     def lost(self) -> bool:
         """Whether there has been no command for so long that the car brakes by itself."""
-        return self._age > self._settings.brake_after
+        return self._silent > self._brake_after
 
     def step(self, speed: float, acceleration: float, mass: float) -> float:
         """Acceleration that the wheels are asked for in the next 10 ms, in m/s^2.
@@ -35,11 +37,11 @@ class Actuation:
         """
         settings = self._settings
         wanted = self._command
-        if self._age > settings.brake_after:
+        if self.lost:
             wanted = -settings.lost_braking
-        elif self._age > settings.coast_after:
+        elif self._silent > self._coast_after:
             wanted = min(self._command, 0.0)
-        self._age += STEP_S
+        self._silent += 1
         strongest = min(settings.strongest_drive, settings.power / (mass * max(speed, 1.0)))
         goal = wanted + self._correction
         if speed > 1.0 and -settings.strongest_braking < goal < strongest:

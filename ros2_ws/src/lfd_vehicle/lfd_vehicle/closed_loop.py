@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from lfd_diagnosis.diagnosis import make_diagnosis
 from lfd_diagnosis.fault_level import DecisionMaker
-from lfd_diagnosis.settings import DecisionSettings
 from lfd_diagnosis.verdict import Report
 from lfd_mpc.decision import Decision
 from lfd_mpc.driving import DrivingMpc, DrivingState
+from lfd_mpc.horizon import Horizon
 from lfd_observer.bank import ObserverBank
 from lfd_replay.profiles import GraphSettings
 from lfd_vehicle.sensing import Moment
@@ -22,8 +22,8 @@ class LoopStep:
 
     moment: Moment
     driving: DrivingState
-    report: Report
-    decision: Decision
+    report: Report | None
+    decision: Decision | None
 
 
 class ClosedLoop:
@@ -34,16 +34,18 @@ class ClosedLoop:
         scenario: Scenario,
         graph: GraphSettings,
         vehicle: VehicleSettings,
-        decision: DecisionSettings,
         heeded: bool = True,
+        diagnosed: bool = True,
     ) -> None:
-        """`heeded`: whether the controller acts on the decisions. Raises UserError."""
+        """`heeded`: whether the controller acts on the decisions; `diagnosed`: whether there are
+        any. Raises UserError.
+        """
         control = graph.mpc.model_copy(update={"driving": True})
         self.world = World(scenario, vehicle, control)
         self._mpc = DrivingMpc(control)
         self._bank = ObserverBank(graph.bank)
         self._diagnosis = make_diagnosis(graph.diagnosis)
-        self._maker = DecisionMaker(decision)
+        self._maker = DecisionMaker(graph.decision) if diagnosed else None
         self._heeded = heeded
 
     def run(self) -> Iterator[LoopStep]:
@@ -53,10 +55,16 @@ class ClosedLoop:
             for sample in world.sense():
                 horizons = mpc.push(sample)
                 for horizon, driving in zip(horizons, mpc.driven, strict=False):
-                    outcome = self._diagnosis.step(horizon, self._bank.step(horizon))
-                    decision = self._maker.step(outcome.report, outcome.reconstruction)
-                    if self._heeded:
-                        mpc.driver.decide(decision)
                     world.vehicle.command(horizon.command)
-                    yield LoopStep(world.moment, driving, outcome.report, decision)
+                    report, decision = self._judge(horizon)
+                    yield LoopStep(world.moment, driving, report, decision)
             world.step()
+
+    def _judge(self, horizon: Horizon) -> tuple[Report | None, Decision | None]:
+        if self._maker is None:
+            return None, None
+        outcome = self._diagnosis.step(horizon, self._bank.step(horizon))
+        decision = self._maker.step(outcome.report, outcome.reconstruction)
+        if self._heeded:
+            self._mpc.driver.decide(decision)
+        return outcome.report, decision

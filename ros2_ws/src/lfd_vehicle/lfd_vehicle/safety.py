@@ -77,7 +77,7 @@ def safety_of(truth: Sequence[Any], levels: Iterable[int], collided: bool) -> Sa
     above = level > FaultLevel.NORMAL
     begins = int(np.count_nonzero(above[1:] & ~above[:-1])) + int(above[:1].any())
     return Safety(
-        collided=collided,
+        collided=bool(collided),
         contact_speed=float(max(-velocity[-1], 0.0)) if collided else 0.0,
         least_clearance=0.0 if collided else float(clearance.min()),
         least_time_to_collision=0.0 if collided else float(times.min(initial=inf)),

@@ -75,3 +75,7 @@ class VehicleSettings(Settings):
         "esr", "1", "sensors: esr, coarse or gnss", "generated drives", fixed=True
     )
     seed: int = setting(0, "1", "seed of the sensors' noise", "own choice", fixed=True, ge=0)
+
+
+TABLES = {"vehicle_node": (VehicleSettings, False)}
+"""For docs/parameters.md."""

@@ -146,7 +146,7 @@ class VehicleNode(Node):
         if self.done or self.error is not None:
             return
         try:
-            if self._missing:
+            if self._missing or (self.world.steps == 0 and not self._outputs.heard):
                 self._wait()
             elif self._lockstep is None:
                 self._advance()
@@ -158,9 +158,10 @@ class VehicleNode(Node):
 
     def _wait(self) -> None:
         if time.monotonic() - self._begun > READY_DEADLINE:
+            missing = ", ".join(sorted(self._missing)) or "someone to hear the sensors"
             raise UserError(
-                f"waited {READY_DEADLINE:.0f} s for {', '.join(sorted(self._missing))} to be "
-                "ready: are they running, in the same ROS_DOMAIN_ID?"
+                f"waited {READY_DEADLINE:.0f} s for {missing} to be ready: are they running, in "
+                "the same ROS_DOMAIN_ID?"
             )
 
     def _advance(self) -> None:

@@ -1,0 +1,258 @@
+"""The closed loop: live equals offline, what the diagnosis prevents, what a user sees."""
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+import rclpy
+from rosbags.highlevel import AnyReader
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import WebDriverWait
+from std_msgs.msg import Float64
+from test_nodes import Subscriber
+
+from lfd_bringup.recorder import LOOP_TOPICS, RecorderNode
+from lfd_diagnosis.decision_node import DecisionNode
+from lfd_diagnosis.diagnosis_node import DiagnosisNode
+from lfd_diagnosis.verdict import Report
+from lfd_mpc.decision import Decision
+from lfd_mpc.driving import DrivingState
+from lfd_mpc.errors import UserError
+from lfd_mpc.messages import from_message
+from lfd_msgs.msg import VehicleTruth
+from lfd_observer.observer_node import ObserverNode
+from lfd_replay.faults import parse_faults
+from lfd_replay.profiles import graph_settings
+from lfd_vehicle.closed_loop import ClosedLoop
+from lfd_vehicle.closed_loop_evaluation import Case, case_rows, goals, leave, run_case
+from lfd_vehicle.lead import lead_motion
+from lfd_vehicle.scenarios import FAULTS, MUST_COLLIDE, SITUATIONS, Situation, timed
+from lfd_vehicle.settings import VehicleSettings
+from lfd_vehicle.vehicle_node import LOOP_NODES, VehicleNode
+from lfd_vehicle.world import Scenario
+from ros_support import Graph, difference, next_domain, profile_arguments
+
+ROOT = Path(__file__).parent.parent
+LEAD = "20,-4@3-5"
+FAULT = "offset:clearance=4,relative_velocity=10@3.2-8"
+
+
+def lived(graph: Graph, profile: str, lead: str, fault: str) -> RecorderNode:
+    """The closed loop in lockstep, until it ends."""
+    recorder = graph.add(RecorderNode(lambda _: None, graph.context, LOOP_TOPICS))
+    arguments = [*profile_arguments(profile), "-p", "mpc_node:driving:=true"]
+    graph.add_graph(arguments)
+    graph.add(DecisionNode(context=graph.context, cli_args=arguments))
+    given = {"lead": lead, "faults": fault, "rate": 0.0}
+    vehicle = graph.add(
+        VehicleNode(
+            graph.context,
+            (*LOOP_NODES, "recorder"),
+            parameter_overrides=[rclpy.Parameter(n, value=v) for n, v in given.items()],
+        )
+    )
+    graph.spin_until(lambda: vehicle.done or vehicle.error, "it ends", 120.0)
+    assert vehicle.error is None, vehicle.error
+    graph.spin_until(
+        lambda: recorder.count("diagnosis/decision") == recorder.count("mpc/driving"), "all came"
+    )
+    graph.spin_for(0.3)
+    return recorder
+
+
+@pytest.mark.parametrize("profile", ["robust", "paper"])
+def test_the_closed_loop_in_lockstep_gives_what_it_gives_without_ros(profile: str) -> None:
+    scenario = Scenario(lead_motion(LEAD), tuple(parse_faults([FAULT])))
+    loop = ClosedLoop(scenario, graph_settings(profile), VehicleSettings())
+    own = list(loop.run())
+    with Graph() as graph:
+        recorder = lived(graph, profile, LEAD, FAULT)
+        kinds = {"mpc/driving": DrivingState, "diagnosis/decision": Decision}
+        live = {t: [from_message(k, m) for m in recorder.messages(t)] for t, k in kinds.items()}
+        reports = [from_message(Report, m) for m in recorder.messages("diagnosis/faults")]
+        truth = recorder.messages("vehicle/truth")
+    assert len(own) == len(live["mpc/driving"]) == len(reports)
+    for k, step in enumerate(own):
+        found = difference(live["mpc/driving"][k], step.driving)
+        found = found or difference(live["diagnosis/decision"][k], step.decision)
+        found = found or difference(reports[k], step.report)
+        assert not found, f"step {k}: {found}"
+    end = truth[-1]
+    assert end.step == loop.world.steps and end.clearance == loop.world.moment.clearance
+    assert any(step.decision.level for step in own), "the fault is acted on"
+
+
+def test_a_dead_controller_leaves_a_car_that_brakes_by_itself() -> None:
+    with Graph() as graph:
+        arguments = ["--ros-args", "-p", "use_sim_time:=true"]
+        for kind in (ObserverNode, DiagnosisNode, DecisionNode):
+            graph.add(kind(context=graph.context, cli_args=arguments))
+        controller = subprocess.Popen(
+            [ROOT / "ros2_ws/install/lfd_mpc/lib/lfd_mpc/mpc_node", *arguments, "-p"]
+            + ["driving:=true"],
+            env={**os.environ, "ROS_DOMAIN_ID": str(graph.domain)},
+            stderr=subprocess.DEVNULL,
+        )
+        try:
+            _drive_without(graph, controller)
+        finally:
+            controller.kill()
+            controller.wait(timeout=10)
+
+
+def _drive_without(graph: Graph, controller: subprocess.Popen) -> None:
+    """Until the controller is killed, and beyond."""
+    overrides = [rclpy.Parameter("lead", value="4"), rclpy.Parameter("rate", value=2.0)]
+    vehicle = graph.add(VehicleNode(graph.context, parameter_overrides=overrides))
+    watcher = graph.add(rclpy.create_node("watcher", context=graph.context))
+    truth = Subscriber(watcher, VehicleTruth, "vehicle/truth")
+    steer = watcher.create_publisher(Float64, "lead/acceleration", 10)
+    graph.spin_until(lambda: vehicle.world.steps > 200, "it drives")
+    graph.spin_until(lambda: truth.messages[-1].host_speed > 3.5, "it follows")
+    assert not truth.messages[-1].command_lost
+    # The lead is steered live; what no car can do is refused.
+    steer.publish(Float64(data=99.0))
+    steer.publish(Float64(data=1.0))
+    graph.spin_until(lambda: vehicle.world.lead.speed > 4.3, "the lead speeds up")
+    controller.kill()
+    graph.spin_until(lambda: truth.messages[-1].command_lost, "it misses the command")
+    graph.spin_until(lambda: truth.messages[-1].host_speed == 0.0, "it stops")
+    assert not truth.messages[-1].collided
+
+
+def test_a_lost_graph_is_a_clear_error_in_lockstep(monkeypatch) -> None:
+    monkeypatch.setattr("lfd_vehicle.vehicle_node.READY_DEADLINE", 0.2)
+    with Graph() as graph:
+        overrides = [rclpy.Parameter("rate", value=0.0)]
+        vehicle = graph.add(VehicleNode(graph.context, parameter_overrides=overrides))
+        graph.spin_until(lambda: vehicle.error is not None, "it gives up")
+        assert "diagnosis_node, mpc_node, observer_node" in str(vehicle.error)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "named"),
+    [("lead", "nowhere", "--lead nowhere"), ("faults", "jump:x@1-2", "unknown kind"),
+     ("rate", -1.0, "rate"), ("model", "tricycle", "multi_body")],
+)  # fmt: skip
+def test_wrong_parameters_of_the_vehicle_are_refused(name: str, value, named: str) -> None:
+    with Graph() as graph, pytest.raises(UserError, match=named):
+        VehicleNode(graph.context, parameter_overrides=[rclpy.Parameter(name, value=value)])
+
+
+# --- does it help?
+
+
+def case(fault: str, heeded: bool, situation: Situation = SITUATIONS[2]) -> Case:
+    return Case("faults", situation, fault, "robust", heeded, 1)
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[dict]:
+    made = [
+        run_case(case(timed(MUST_COLLIDE), heeded, situation))
+        for heeded in (False, True)
+        for situation in SITUATIONS[2:]
+    ]
+    healthy = Case("healthy", Situation("braking:-6", "braking:-6"), "", "robust", True, 1)
+    return [*made, run_case(healthy)]
+
+
+def test_a_fault_that_collides_does_not_when_the_diagnosis_is_heeded(rows: list[dict]) -> None:
+    without, with_it = rows[:2], rows[2:4]
+    assert all(row["collided"] or row["least_clearance"] < 2.0 for row in without)
+    assert not any(row["collided"] for row in with_it)
+    assert min(row["least_clearance"] for row in with_it) > 5.0
+    assert all(row["worst_level"] >= 2 for row in with_it)
+    healthy = rows[4]
+    assert healthy["interventions"] == 0 and not healthy["collided"]
+    assert "found" not in without[0], "without the diagnosis there is none"
+
+
+def test_the_evaluation_says_what_is_met_and_what_is_not(rows: list[dict], tmp_path) -> None:
+    from rich.console import Console
+
+    assert all(holds for _, holds, _ in goals(rows))
+    worse = [{**row, "collided": True, "least_clearance": 0.0} for row in rows]
+    assert [holds for _, holds, _ in goals(worse)] == [True, False, False, False, True]
+    cried = [{**row, "interventions": 1} for row in rows]
+    assert not goals(cried)[-1][1]
+    assert len(case_rows(rows)) == len(FAULTS)
+    leave(rows, tmp_path, Console(quiet=True))
+    assert len(json.loads((tmp_path / "closed-loop.json").read_text())) == len(rows)
+    assert "The closed loop" in (tmp_path / "closed-loop.html").read_text()
+
+
+# --- the command, and the page
+
+
+def simulate(*arguments: str) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [ROOT / "run", "lfd_bringup", "simulate", *arguments],
+        env={**os.environ, "ROS_DOMAIN_ID": str(next_domain())},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("--lead", "nowhere"), "no file"),
+        (("--lead", "10", "--fault", "offset:x=1@1-2"), "unknown signal"),
+        (("--profile", "brave"), "robust, paper"),
+        (("--seed", "-1"), "--seed"),
+        (("--lead", "10", "--rate", "-2"), "rate"),
+    ],
+)
+def test_wrong_arguments_are_one_line_and_status_2(arguments, named, tmp_path) -> None:
+    done = simulate(*arguments, "--out", str(tmp_path))
+    assert done.returncode == 2 and named in done.stderr.strip().splitlines()[-1]
+    assert "Traceback" not in done.stderr and not (tmp_path / "bag").exists()
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("simulate")
+    done = simulate("--lead", LEAD, "--fault", FAULT, "--out", str(out))
+    assert done.returncode == 0, done.stderr
+    assert "worst level TAKE_OVER" in done.stdout and "watch.html" in done.stdout
+    return out
+
+
+def test_simulate_leaves_bag_report_and_figures(simulated: Path) -> None:
+    summary = json.loads((simulated / "summary.json").read_text())
+    assert summary["safety"]["collided"] is False
+    assert summary["sensors"]["clearance"]["detected"] is True
+    assert (simulated / "report.html").stat().st_size > 100_000
+    with AnyReader([simulated / "bag"]) as reader:
+        counts = {c.topic: c.msgcount for c in reader.connections}
+    assert set(counts) == {f"/{topic}" for topic in LOOP_TOPICS}
+    assert counts["/mpc/driving"] == counts["/diagnosis/decision"] == counts["/mpc/command"]
+    assert counts["/vehicle/truth"] >= counts["/mpc/driving"]
+
+
+def test_the_run_can_be_watched(simulated: Path, browser) -> None:
+    browser.set_window_size(1200, 1200)
+    browser.get((simulated / "watch.html").as_uri())
+    level = browser.find_element(By.ID, "level")
+    assert level.text.startswith("NORMAL")
+    browser.execute_script("at.value = 100; show();")
+    assert "TAKE_OVER: STOP" in level.text
+    assert "FAULT" in browser.find_element(By.ID, "verdicts").text
+    assert "not seen" in browser.find_element(By.ID, "why").text
+    drawn = browser.execute_script(
+        "return ['road','gap','speeds','accelerations','lanes'].map(id => {"
+        " const c = document.getElementById(id);"
+        " const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;"
+        " const seen = new Set(); for (let i = 0; i < d.length; i += 4)"
+        " seen.add(d[i] + ',' + d[i+1] + ',' + d[i+2]); return seen.size; })"
+    )
+    assert min(drawn) > 5, drawn
+    browser.execute_script("at.value = 0; show();")
+    browser.find_element(By.ID, "play").click()
+    clock = browser.find_element(By.ID, "clock")
+    WebDriverWait(browser, 10).until(lambda _: float(clock.text.split()[0]) > 1.0)
+    assert [e for e in browser.get_log("browser") if e["level"] == "SEVERE"] == []

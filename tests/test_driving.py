@@ -1,0 +1,264 @@
+"""The controller drives the car: comfort, limits, standstill, and what it may never do."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lfd_mpc.decision import Action, Decision, FaultLevel
+from lfd_mpc.driving import CarDriver, DrivingMpc, Source
+from lfd_mpc.following_model import build_following_model
+from lfd_mpc.horizon import Horizon, first_horizon
+from lfd_mpc.settings import MpcSettings
+from lfd_replay.profiles import graph_settings
+from lfd_vehicle.closed_loop import ClosedLoop, LoopStep
+from lfd_vehicle.lead import lead_motion
+from lfd_vehicle.safety import safety_of
+from lfd_vehicle.settings import VehicleSettings
+from lfd_vehicle.world import Scenario
+
+CHOSEN = MpcSettings(driving=True)
+PASSENGER_JERK = 3.0
+"""m/s^3 that a body feels (over 0.2 s) and a passenger accepts."""
+
+
+@cache
+def run(lead: str, gap: float | None = None, speed: float | None = None) -> list[LoopStep]:
+    scenario = Scenario(lead_motion(lead), (), gap, speed)
+    return list(ClosedLoop(scenario, graph_settings("robust"), VehicleSettings()).run())
+
+
+def series(steps: list[LoopStep], name: str) -> np.ndarray:
+    return np.array([getattr(step.moment, name) for step in steps])
+
+
+def safety(steps: list[LoopStep]):
+    return safety_of([step.moment for step in steps], [], False)
+
+
+@pytest.mark.parametrize(("gap", "error"), [(55.0, 20.0), (23.0, -12.0)])
+def test_a_steady_lead_is_followed_at_the_desired_clearance(gap: float, error: float) -> None:
+    steps = run("20,0@0-20", gap)
+    desired = np.array([step.driving.desired_clearance for step in steps])
+    left = (series(steps, "clearance") - desired)[100:] / error
+    assert left.min() > -0.05, "the overshoot is below 5 %"
+    assert np.abs(left[1500:] * error).max() < 1.0
+    found = safety(steps)
+    acceleration = series(steps, "host_acceleration")
+    assert acceleration.max() < CHOSEN.comfortable_acceleration + 0.2
+    assert found.largest_deceleration < 2.0 and found.largest_jerk < PASSENGER_JERK
+
+
+def test_a_slower_lead_far_ahead_is_approached_without_hard_braking() -> None:
+    steps = run("10,0@0-15", 170.0, 25.0)
+    found = safety(steps)
+    assert found.largest_deceleration < CHOSEN.comfortable_braking + 0.5
+    assert found.largest_jerk < PASSENGER_JERK
+    assert series(steps, "clearance").min() > 0.95 * 20.0
+
+
+def test_it_stops_behind_a_stopping_lead_without_creeping_and_sets_off_again() -> None:
+    steps = run("15,-2@5-12.5,1.5@25-33")
+    clearance, speed = series(steps, "clearance"), series(steps, "host_speed")
+    stopped = int(np.argmax(speed == 0.0))
+    assert 1_300 < stopped < 2_000, "a few seconds after the lead has stopped at 12.5 s"
+    start = 2_495
+    assert not speed[stopped:start].any() and not np.ptp(clearance[stopped:start])
+    assert 4.0 < clearance[stopped] < 7.5
+    assert clearance.min() > 4.0
+    assert speed[-1] > 8.0, "it sets off behind the lead"
+    assert safety(steps[:start]).largest_deceleration < 3.0
+    assert all(step.driving.holding for step in steps[stopped + 50 : start])
+
+
+@pytest.mark.parametrize(("lead", "least"), [("20,-3@5-11.6", 3.0), ("20,-6@5-8.3", 2.0)])
+def test_it_stays_behind_a_lead_that_brakes_hard(lead: str, least: float) -> None:
+    steps = run(lead)
+    commands = np.array([step.driving.command for step in steps])
+    assert series(steps, "clearance").min() > least
+    assert commands.min() >= CHOSEN.acceleration_lower - 1e-9
+    assert series(steps, "host_speed")[-1] == 0.0
+
+
+def test_the_published_prediction_is_that_of_the_command_that_is_sent() -> None:
+    """What a plan that nobody drives by would predict is wrong by what it would do otherwise."""
+    settings_ = graph_settings("robust")
+    scenario = Scenario(lead_motion("data-3"))
+    loop = ClosedLoop(scenario, settings_, VehicleSettings())
+    mpc, seen = loop._mpc, []
+    push = mpc.push
+    mpc.push = lambda sample: seen.extend(made := push(sample)) or made  # type: ignore[method-assign]
+    truth = [step.moment.relative_velocity for step in loop.run()]
+    horizons = [h for h in seen if h.valid]
+    assert len(horizons) > 7000
+    ahead = 20
+    errors = [
+        truth[k + ahead] - h.predicted_relative_velocity[ahead - 1]
+        for k, h in enumerate(horizons[500:6500], 500)
+    ]
+    # The lead's own acceleration is not known, that of the host is.
+    assert np.abs(errors).mean() < 0.1
+    for horizon in horizons[::500]:
+        last = horizon.input_sequence[-1]
+        assert abs(last - horizon.command) <= 0.6 * abs(horizon.acceleration - horizon.command)
+        assert horizon.record["command"][0] == horizon.command
+
+
+def horizon(stamp: int, **values) -> Horizon:
+    """A measured step: 35 m behind a lead, both at 20 m/s."""
+    known = {
+        "stamp": stamp,
+        "restart": False,
+        "has_target": True,
+        "measured_clearance": 35.0,
+        "measured_relative_velocity": 0.0,
+        "measured_acceleration": 0.0,
+        "measured_host_speed": 20.0,
+        "clearance_age": 0.0,
+        "relative_velocity_age": 0.0,
+        **{
+            f"{name}_stale": False
+            for name in ("clearance", "relative_velocity", "acceleration", "host_speed")
+        },
+        **values,
+    }
+    made = replace(first_horizon(), **known)
+    return made
+
+
+def decision(stamp: int, action: Action, **values) -> Decision:
+    level = FaultLevel(min(int(action), 3))
+    usable = dict.fromkeys(
+        (f"{n}_usable" for n in ("clearance", "relative_velocity", "acceleration", "host_speed")),
+        True,
+    )
+    nothing = dict.fromkeys(
+        ("clearance", "relative_velocity", "relative_acceleration", "acceleration"), float("nan")
+    )
+    return Decision(
+        stamp, 1, level, action, stamp, "", **{**usable, **nothing, "deceleration": 0.0, **values}
+    )
+
+
+def driven(seconds: float, action: Action = Action.FOLLOW, told: dict | None = None, **values):
+    """The last state after some time of the same step again and again."""
+    driver, state = CarDriver(CHOSEN), None
+    for k in range(1, round(seconds * 100) + 1):
+        driver.decide(decision((k - 1) * 10_000_000, action, **(told or {})))
+        state = driver.drive(horizon(k * 10_000_000, **values))
+    assert state is not None
+    return state
+
+
+def test_each_action_has_its_command() -> None:
+    far = {"measured_clearance": 80.0}
+    assert driven(3.0, Action.FOLLOW, **far).command > 1.0
+    assert driven(3.0, Action.WARN, **far).command == 0.0
+    stop = driven(3.0, Action.STOP, {"deceleration": 2.5}, **far)
+    assert stop.command == -2.5
+    assert driven(3.0, Action.STOP, {"deceleration": 5.0}, **far).command == -5.0
+    assert driven(3.0, Action.BRAKE, {"deceleration": 8.0}, **far).command == -8.0
+    near = driven(1.0, Action.FOLLOW)
+    afar = driven(1.0, Action.FOLLOW_FROM_AFAR)
+    assert afar.desired_clearance - near.desired_clearance == pytest.approx(
+        (CHOSEN.degraded_gap - 1.0) * CHOSEN.preview_time * 20.0
+    )
+    assert afar.command < near.command - 0.3
+
+
+def test_a_reconstructed_value_is_driven_by_where_the_measured_one_is_not_usable() -> None:
+    told = {"clearance_usable": False, "clearance": 20.0}
+    state = driven(1.0, Action.FOLLOW, told)
+    assert state.clearance_source == Source.RECONSTRUCTED and state.clearance == 20.0
+    assert state.relative_velocity_source == Source.MEASURED and state.command < -0.5
+    told = {"relative_velocity_usable": False, "relative_velocity": -5.0}
+    state = driven(1.0, Action.FOLLOW, told)
+    assert state.relative_velocity == -5.0 and state.command < -0.5
+    told = {"acceleration_usable": False, "acceleration": 0.5}
+    assert driven(0.1, Action.FOLLOW, told).acceleration == 0.5
+    # A speed that is not to be believed is carried on from the last one that was.
+    driver = CarDriver(CHOSEN)
+    driver.drive(horizon(10_000_000))
+    driver.decide(decision(10_000_000, Action.FOLLOW_FROM_AFAR, host_speed_usable=False))
+    for k in range(2, 12):
+        wrong = horizon(k * 10_000_000, measured_host_speed=3.0, measured_acceleration=1.0)
+        state = driver.drive(wrong)
+    assert state.host_speed == pytest.approx(20.1) and state.host_speed_source == 2
+
+
+UNKNOWN = (
+    {"clearance_stale": True},
+    {"relative_velocity_stale": True},
+    {"clearance_stale": True, "relative_velocity_stale": True, "has_target": False},
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from(UNKNOWN),
+    st.sampled_from(list(Action)),
+    st.floats(0.0, 40.0),
+    st.floats(-3.0, 3.0),
+)
+def test_without_a_valid_clearance_it_never_accelerates(
+    values: dict, action: Action, speed: float, acceleration: float
+) -> None:
+    moving = {"measured_host_speed": speed, "measured_acceleration": acceleration}
+    driver = CarDriver(CHOSEN)
+    before = driver.drive(horizon(10_000_000, measured_clearance=90.0, **moving)).command
+    told = {"clearance_usable": False, "relative_velocity_usable": False}
+    for k in range(2, 80):
+        if k % 20:
+            driver.decide(decision((k - 1) * 10_000_000, action, **told))
+        command = driver.drive(horizon(k * 10_000_000, **moving, **values)).command
+        assert command <= max(before, 0.0)
+        before = command
+    assert command <= 0.0
+
+
+def test_without_decisions_for_too_long_the_car_is_stopped() -> None:
+    driver = CarDriver(CHOSEN)
+    driver.decide(decision(10_000_000, Action.FOLLOW))
+    last = 1 + round(CHOSEN.decision_timeout * 100)
+    for k in range(2, last + 1):
+        state = driver.drive(horizon(k * 10_000_000))
+        assert state.action == Action.FOLLOW, k
+    for k in range(last + 1, last + 300):
+        state = driver.drive(horizon(k * 10_000_000))
+        assert state.action == Action.STOP and "no decision for" in state.reason
+    assert -3.0 < state.command <= -CHOSEN.stopping_deceleration
+
+
+def test_an_empty_road_is_driven_at_the_set_speed() -> None:
+    empty = {"has_target": False, "measured_clearance": float("nan")}
+    empty["measured_relative_velocity"] = float("nan")
+    assert driven(3.0, **empty).command == pytest.approx(CHOSEN.comfortable_acceleration)
+    fast = driven(3.0, measured_host_speed=CHOSEN.set_speed + 3.0, **empty)
+    assert fast.command == pytest.approx(-1.0)
+    assert driven(1.0, measured_host_speed=CHOSEN.set_speed, **empty).command == 0.0
+
+
+@pytest.mark.parametrize("value", [float("nan"), -1.0, float("inf")])
+def test_a_decision_that_no_node_makes_is_refused(value: float) -> None:
+    with pytest.raises(ValueError, match="a deceleration of"):
+        CarDriver(CHOSEN).decide(decision(0, Action.STOP, deceleration=value))
+
+
+def test_the_model_behind_the_plan() -> None:
+    model = build_following_model(CHOSEN)
+    assert np.linalg.eigvalsh(model.problem.P).min() > 0.0
+    assert 1.0 < model.approach < 6.0
+    stiff = build_following_model(CHOSEN.model_copy(update={"control_clearance_weight": 1.0}))
+    assert stiff.approach < model.approach
+
+
+def test_settings_can_be_changed_while_it_drives() -> None:
+    mpc = DrivingMpc(CHOSEN)
+    mpc.change(CHOSEN.model_copy(update={"set_speed": 10.0}))
+    empty = {"has_target": False}
+    for k in range(1, 200):
+        state = mpc.driver.drive(horizon(k * 10_000_000, **empty))
+    assert state.command < -1.0
