@@ -15,14 +15,14 @@ SECONDS = 3.0
 
 def main() -> int:
     """Listen for a while."""
-    wanted = f"{sys.argv[1]}: steps"
+    wanted = f"{sys.argv[1]}: "
     heard: list[str] = []
     rclpy.init()
     node = rclpy.create_node("health_check")
     node.create_subscription(
         DiagnosticArray,
         "/diagnostics",
-        lambda array: heard.extend(s.message for s in array.status if s.name.endswith(wanted)),
+        lambda array: heard.extend(s.message for s in array.status if wanted in s.name),
         10,
     )
     deadline = time.monotonic() + SECONDS

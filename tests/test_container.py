@@ -21,7 +21,10 @@ def run(*command: object, **options) -> subprocess.CompletedProcess:
 
 def test_services_share_network_memory_and_user_and_may_write_nothing() -> None:
     services = yaml.safe_load((DOCKER / "compose.yaml").read_text())["services"]
-    assert set(services) == {"mpc_node", "observer_node", "diagnosis_node", "replay"}
+    assert set(services) == {
+        *("mpc_node", "observer_node", "diagnosis_node", "decision_node"),
+        "replay",
+    }
     for name, service in services.items():
         assert service["user"] == "1000:1000" and service["read_only"], name
         assert service["tmpfs"] == ["/tmp"] and service["cap_drop"] == ["ALL"], name

@@ -29,12 +29,14 @@ ARGUMENTS = {
     "namespace": ("", "namespace of all nodes and topics, one for each vehicle"),
     "use_sim_time": ("true", "follow /clock: true for replays, false in a car"),
     "record": ("", "folder of a bag to record the outputs into; empty = none"),
+    "driving": ("false", "the controller drives: mpc/command follows the verdicts"),
     "markers": ("false", "publish markers for RViz on diagnosis/markers"),
 }
 GRAPH = (
     ("lfd_mpc", "mpc_node"),
     ("lfd_observer", "observer_node"),
     ("lfd_diagnosis", "diagnosis_node"),
+    ("lfd_diagnosis", "decision_node"),
 )
 INPUTS = ("radar/target", "vehicle/imu", "vehicle/twist", "v2v/lead_acceleration")
 OUTPUTS = (
@@ -44,6 +46,7 @@ OUTPUTS = (
     "diagnosis/faults",
     "diagnosis/events",
     "diagnosis/reconstructed",
+    "diagnosis/decision",
 )
 
 
@@ -62,7 +65,10 @@ def start(context):
         {"use_sim_time": value["use_sim_time"].lower() == "true"},
     ]
     own = {
-        "mpc_node": [{"receipts": True, **reliable}] if value["drive"] else [],
+        "mpc_node": [
+            {"driving": value["driving"].lower() == "true"},
+            *([{"receipts": True, **reliable}] if value["drive"] else []),
+        ],
         "diagnosis_node": [{"markers": value["markers"].lower() == "true"}],
     }
     actions = [

@@ -15,6 +15,7 @@ is believed again beside another that is not has been held against a guess.
 A level rises at once. It falls when what raised it has been gone for `recover_after`.
 """
 
+from collections import deque
 from math import isfinite, nan
 
 from lfd_diagnosis.settings import DecisionSettings
@@ -25,7 +26,11 @@ LOST = (State.FAULT, State.NO_DATA)
 """States of a signal that is not driven by."""
 
 LEAD_SHARE = 0.05
-"""Share of a step's estimate in what is remembered of the lead's acceleration."""
+"""Share of a step's estimate in that of the lead's acceleration."""
+
+LEAD_MEMORY = 100
+"""Steps of which the hardest braking of the lead is remembered: a fault is not found at once, and
+what a held radar says until then makes the lead look steady."""
 
 DOUBTED = (State.SUSPECT, *LOST)
 """States of a signal in whose place the reconstructed one is used where there is one."""
@@ -48,7 +53,8 @@ class DecisionMaker:
         self._lost_since: int | None = None
         self._blind_since: int | None = None
         self._lower_since: int | None = None
-        self._lead_acceleration = 0.0
+        self._lead_estimate = 0.0
+        self._lead_recent: deque[float] = deque(maxlen=LEAD_MEMORY)
 
     def change(self, settings: DecisionSettings) -> None:
         """Decide by other settings from the next report on."""
@@ -91,9 +97,16 @@ class DecisionMaker:
         known = report.clearance.state == State.OK and report.relative_velocity.state == State.OK
         relative, own = made.relative_acceleration, made.acceleration
         if known and isfinite(relative) and isfinite(own):
-            self._lead_acceleration += LEAD_SHARE * (relative + own - self._lead_acceleration)
+            self._lead_estimate += LEAD_SHARE * (relative + own - self._lead_estimate)
+            self._lead_recent.append(self._lead_estimate)
         elif report.radar.state == State.NO_TARGET:
-            self._lead_acceleration = 0.0
+            self._lead_estimate = 0.0
+            self._lead_recent.clear()
+
+    @property
+    def _lead_acceleration(self) -> float:
+        """The hardest braking of the lead before it was lost, in m/s^2."""
+        return min(self._lead_recent, default=0.0)
 
     def _wanted(self, report: Report, made: Reconstruction) -> tuple[FaultLevel, Action, str]:
         settings, now = self._settings, report.stamp

@@ -43,7 +43,7 @@ ROLLING = 0.5
 HOLDING, STOPPING = -1.5, -0.6
 """m/s^2 with which the brakes hold a standing car, and end a stop without a jerk."""
 
-SOFT = 1.2
+SOFT = 0.7
 """1/s: a stop that is not an emergency brakes with so many times the speed at the most."""
 
 HARD = 1.5
