@@ -6,7 +6,6 @@ RATE ?= 1.0
 PROFILE ?= robust
 
 LEAD ?=
-LOOP_RATE ?= 0
 
 FULL ?=
 RECORDED ?= ../shared/data
@@ -22,7 +21,7 @@ replay: setup
 	@./run lfd_bringup replay --drive '$(DRIVE)' --fault '$(FAULT)' --rate '$(RATE)' --profile '$(PROFILE)' --out out/replay
 
 simulate: setup
-	@./run lfd_bringup simulate --lead '$(LEAD)' --fault '$(FAULT)' --rate '$(LOOP_RATE)' --profile '$(PROFILE)' --out out/simulate
+	@./run lfd_bringup simulate --lead '$(LEAD)' --fault '$(FAULT)' --rate '$(if $(filter command,$(origin RATE)),$(RATE),0)' --profile '$(PROFILE)' --out out/simulate
 
 evaluate: setup
 	@./run lfd_replay paper_evaluation --out out/evaluate --recorded '$(RECORDED)' $(if $(filter-out 0,$(FULL)),--full)

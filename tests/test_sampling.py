@@ -290,3 +290,41 @@ def test_a_lead_that_speaks_rarely_does_not_widen_the_largest_gap() -> None:
         sampler.push(said(start + 395))
     steps = healthy(sampler, 4400, 4500)
     assert steps[0].restart_reason.startswith("no input for")
+
+
+def test_after_a_gap_late_samples_of_another_input_make_no_step_twice() -> None:
+    """Under load topics arrive apart: the radar's newest before the acceleration's older ones."""
+    sampler = Sampler()
+    steps = healthy(sampler, 0, 2500)
+    steps += run(sampler, *(radar(ms) for ms in (2500, 2550, 2600, 2650)))
+    made = times(steps)[-1]
+    assert made == 2600.0, "released by the radar, without the acceleration"
+    assert times(run(sampler, radar(3300))) == [2610.0, 2620.0, 2630.0, 2640.0, 2650.0]
+    later = run(sampler, *(accel(ms) for ms in range(2480, 3310, 10)))
+    assert later[0].restart_reason.startswith("no input for 0.650 s")
+    assert times(later) == [float(ms) for ms in range(2660, 3310, 10)]
+    assert later[-1].late_samples >= 18, "those of 2480 to 2650 ms"
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.integers(20, 150),
+    st.tuples(*[st.integers(0, 60)] * 3),
+    st.tuples(*[st.integers(0, 150)] * 3),
+    st.tuples(*[st.integers(0, 150)] * 3),
+)
+def test_a_stall_never_makes_a_step_twice(stall: int, apart, lost_from, lost) -> None:
+    """Each topic in its own order, held up by a stall, some of it lost; in steps of 10 ms."""
+    arriving = []
+    for number, (make, period) in enumerate(((radar, 5), (speed, 5), (accel, 1))):
+        before = 0
+        for k in range(0, 500, period):
+            begin = 200 + lost_from[number]
+            if begin <= k < begin + lost[number]:
+                continue
+            free = 200 + stall + apart[number]
+            before = max(before, free if 200 <= k < free else k)
+            arriving.append((before, number, make(10.0 * k)))
+    arriving.sort(key=lambda item: item[:2])
+    stamps = times(run(Sampler(), *(sample for _, _, sample in arriving)))
+    assert stamps == sorted(set(stamps))

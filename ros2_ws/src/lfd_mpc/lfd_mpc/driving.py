@@ -230,9 +230,10 @@ class CarDriver:
             self._holding = False
             wanted, jerk = max(cruise, settings.acceleration_lower), settings.comfortable_jerk
         else:
-            # Nobody speeds up towards what is not seen.
+            # Nobody speeds up towards what is not seen, or lets go of the brakes but to end a stop.
             self._holding = self._holding or (isfinite(speed) and speed < STANDING)
-            wanted, jerk = min(cruise, 0.0, self._command), settings.comfortable_jerk
+            least = 0.0 if action == Action.STOP else min(0.0, self._command)
+            wanted, jerk = min(cruise, least), settings.comfortable_jerk
         if action in (Action.WARN, Action.STOP):
             wanted = min(wanted, 0.0)
         if action == Action.STOP:

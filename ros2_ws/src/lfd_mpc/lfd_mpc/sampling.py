@@ -40,6 +40,9 @@ AHEAD_NS = 1_000_000_000
 PERIODS = 19
 """A signal's period is the median over so many, the last ones."""
 
+LONG_AGO = -(2**62)
+"""Before any stamp."""
+
 WAITING = 4096
 """Samples of one input that may wait for their steps; more, within about a second, are refused."""
 
@@ -199,6 +202,7 @@ _EPOCH = np.dtype(
         ("newest", "i8"),
         ("started", "?"),
         ("next_step", "i8"),
+        ("not_before", "i8"),
         ("stepping", "?"),
         ("has_target", "?"),
         ("track_id", "i8"),
@@ -305,6 +309,7 @@ def _start_epoch(epoch):
         epoch.queues[i].first = epoch.queues[i].count = 0
         epoch.heard[i] = 0
     epoch.started = epoch.stepping = epoch.has_target = False
+    epoch.not_before = LONG_AGO
     epoch.track_id = epoch.known_track = UNKNOWN_TRACK
     epoch.sensor_flags = epoch.text = 0
 
@@ -352,7 +357,8 @@ def _accept(sampler, sample):
     epoch.newest = max(epoch.newest, stamp) if epoch.started else stamp
     epoch.started = True
     _enqueue(sampler, sample)
-    if epoch.stepping and stamp <= epoch.next_step - STEP_NS:
+    begin = epoch.next_step if epoch.stepping else epoch.not_before
+    if stamp <= begin - STEP_NS:
         sampler.late += 1
     if sample.input == Input.ACCELERATION:
         _release(sampler, stamp, stamp)
@@ -531,7 +537,10 @@ def next_step(sampler, inputs):
             sampler.restarting, sampler.restart = False, Restart.GAP
             sampler.restart_values[0] = sampler.gap_values[0]
             sampler.restart_values[1] = sampler.gap_values[1]
+            # Samples of another input may have been late only: no step is made a second time.
+            not_before = epoch.next_step if epoch.stepping else epoch.not_before
             _start_epoch(epoch)
+            epoch.not_before = not_before
             _accept(sampler, sampler.current)
         elif sampler.held_fits:
             sampler.held_fits = False
@@ -553,7 +562,7 @@ def _has_step(epoch):
             oldest = min(oldest, stamp) if found else stamp
             found = True
     if found:
-        epoch.next_step = -(-oldest // STEP_NS) * STEP_NS
+        epoch.next_step = max(-(-oldest // STEP_NS) * STEP_NS, epoch.not_before)
     return found
 
 
