@@ -103,6 +103,10 @@ REMEMBERED = 32
 
 COAST_KEEP = exp(-STEP_S / CORRELATION)
 
+FORGETTING = 2.0 / CORRELATION
+"""1/s: what a coasting track forgets of the lead's acceleration may as well go on; so much of its
+square is added to the density of its jerk. A lead that brakes on for seconds is not steady."""
+
 MEASURED = np.dtype([("new", "?"), ("at", "f8"), ("value", "f8"), ("age", "f8")], align=True)
 """One signal at a step: whether it is new, its time in s, its value and its age in s."""
 
@@ -251,8 +255,10 @@ def _predict(radar, settings, host_acceleration, lead_acceleration):
     track, clearance = radar.track, radar.clearance
     keep, jerk = 1.0, settings.jerk_density
     if radar.velocity.faulty:
-        keep, jerk = COAST_KEEP, settings.coasting_jerk_density
+        off = track.acceleration - settings.lead_acceleration_mean
+        keep, jerk = COAST_KEEP, settings.coasting_jerk_density + FORGETTING * off * off
         if isfinite(lead_acceleration):
+            jerk = settings.coasting_jerk_density
             inform(track, lead_acceleration, settings.lead_report_std)
     mean = settings.lead_acceleration_mean
     predict_track(track, STEP_S, host_acceleration, keep, mean, jerk)

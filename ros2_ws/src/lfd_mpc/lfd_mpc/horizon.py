@@ -330,6 +330,9 @@ def check_horizon(horizon: Horizon) -> None:
         known = isfinite(value) or (name in _OF_LEAD and isnan(value))
         if not (known and 0.0 <= age < inf):
             raise ValueError(f"{name} of {value:g}, {age:g} s old, is not stale")
+    lengths = len(horizon.predicted_clearance), len(horizon.predicted_relative_velocity)
+    if lengths[0] != lengths[1]:
+        raise ValueError(f"predictions of {lengths[0]} clearances and {lengths[1]} velocities")
     used = horizon.clearance, horizon.relative_velocity, horizon.acceleration
     if horizon.valid and not (all(map(isfinite, used)) and np.isfinite(horizon.states).all()):
         raise ValueError("a valid prediction that is not finite")

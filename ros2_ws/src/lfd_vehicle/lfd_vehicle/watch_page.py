@@ -88,7 +88,7 @@ def _read(bag: Path) -> dict[str, Any]:
     run["holding"] = [bool(m.holding) for m in driving]
     run["driving_reason"] = _numbered([m.reason for m in driving])
     horizons = _at(time, topics["/mpc/horizon"])
-    for name in ("clearance", "relative_velocity", "acceleration"):
+    for name in VERDICTS:
         run[f"measured_{name}"] = _rounded([getattr(h, f"measured_{name}") for h in horizons])
     decisions = _at(time, topics["/diagnosis/decision"])
     run["level"] = [int(m.level) for m in decisions]
