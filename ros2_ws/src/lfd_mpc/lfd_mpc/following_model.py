@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from lfd_mpc.box_qp import BoxProblem, box_problem
 from lfd_mpc.settings import MpcSettings
@@ -37,6 +36,9 @@ def build_following_model(settings: MpcSettings) -> FollowingModel:
     With the clearance c, `e = c - c_0 - t_p v`: `e' = v_rel - t_p a`, `v_rel' = a_lead - a`,
     `a' = (u - a) / lag`, `a_lead' = -a_lead / fading`.
     """
+    # Imported when it is needed: it takes a node that does not drive longer than all else.
+    from scipy.linalg import expm
+
     n, h = settings.control_steps, settings.control_period
     lag, fading = settings.actuator_lag, settings.lead_acceleration_time
     rates = np.zeros((5, 5))

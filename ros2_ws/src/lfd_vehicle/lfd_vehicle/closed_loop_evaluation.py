@@ -26,6 +26,7 @@ from lfd_mpc.errors import UserError
 from lfd_replay.drawing.figure_page import table_html, write_page
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
+from lfd_replay.generated.lead_profiles import NORMAL
 from lfd_replay.profiles import PROFILES, graph_settings
 from lfd_replay.score import score, timeline
 from lfd_replay.text_file import write_text
@@ -36,7 +37,6 @@ from lfd_vehicle.scenarios import (
     FAULTS,
     HEALTHY,
     MUST_COLLIDE,
-    NORMAL_HEALTHY,
     ONSET,
     SITUATIONS,
     Situation,
@@ -136,7 +136,7 @@ def cases(full: bool) -> list[Case]:
         text = timed(fault, ONSET + 0.02 * seed)
         made.append(Case("faults", situation, text, "robust", False, seed))
         made += [Case("faults", situation, text, profile, True, seed) for profile in profiles]
-    leads = (*HEALTHY, *(NORMAL_HEALTHY if full else NORMAL_HEALTHY[::6]))
+    leads = (*HEALTHY, *(NORMAL if full else NORMAL[::6]))
     for seed, lead, profile in product(seeds, leads, profiles):
         made.append(Case("healthy", Situation(lead, lead), "", profile, True, seed))
     for seed, prediction, fault in product(seeds, PREDICTIONS, ("", *COMPARED)):

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from lfd_replay.generated.lead_profiles import NORMAL
-
 ONSET = 15.5
 """Seconds at which faults begin, half a second after the lead has begun to brake."""
 
@@ -73,8 +71,6 @@ HEALTHY = (
     "20,-6@15-18.2,2@27-30",
 )
 """Leads behind which nothing may be done about a sensor."""
-
-NORMAL_HEALTHY = NORMAL
 
 
 def timed(fault: str, onset: float = ONSET) -> str:
