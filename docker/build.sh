@@ -9,6 +9,6 @@ if [ -n "${ROS_DISTRO:-}" ]; then
 fi
 export LFD_CACHE=/opt/lfd/compiled
 make setup
-rm -rf /root/.cache ros2_ws/log
+rm -rf ~/.cache ros2_ws/log
 useradd --uid 1000 --create-home lfd 2>/dev/null || true
 chmod -R a+rX /opt/lfd

@@ -62,9 +62,6 @@ SIGNALS = ("clearance", "relative_velocity", "radar", "acceleration")
 MEASURED = ("clearance", "relative_velocity", "acceleration")
 
 
-SLACK = 1.0 if SOAK else 3.0
-"""What a short form allows beyond a figure: it runs wherever `make test` does, beside anything."""
-
 NO_REPORT = 0.1
 """Seconds without a report after which a subscriber must take every signal for NO_DATA."""
 
@@ -224,10 +221,12 @@ def test_a_killed_node_is_noticed_and_its_successor_takes_over(capfd) -> None:
             f"{np.median(resumed):.2f} s ({max(resumed):.2f}) after its process was started; "
             f"false faults: {len(reports.faults())}",
         )
-        assert max(silent) <= 0.2 * SLACK
-        assert max(told) <= 1.0 * SLACK
-        # Discovery takes up to some seconds by chance.
-        assert np.median(since_ready) <= 1.0 * SLACK and max(since_ready) <= 4.0 * SLACK
+        assert max(silent) <= 0.2
+        assert max(told) <= 1.0
+        # Discovery takes up to some seconds by chance: three kills have no median to speak of.
+        assert max(since_ready) <= 4.0
+        if SOAK:
+            assert np.median(since_ready) <= 1.0
         assert reports.faults() == []
 
 
@@ -467,7 +466,7 @@ def test_jumps_of_time_restart_with_a_reason_and_blame_no_one(capfd) -> None:
             car._base += round(jump * 100) * STEP_NS
             begun = time.perf_counter()
             car.drive(0.3)
-            deadline = begun + 5.0 * SLACK
+            deadline = begun + 5.0
             while not is_judging(reports.seen[-1][1]):
                 assert time.perf_counter() < deadline, f"after a jump of {jump} s"
                 car.step()
@@ -596,7 +595,7 @@ def test_under_load_steps_are_late_but_never_mixed_up(capfd) -> None:
             f"{max(late) * 1e3:.0f} ms at most; false faults: {len(reports.faults())}",
         )
         assert stamps == sorted(set(stamps)), "steps in order, none twice"
-        assert len(stamps) >= (1.0 - 0.01 * SLACK) * wanted
+        assert len(stamps) >= 0.99 * wanted
         assert reports.faults() == []
 
 

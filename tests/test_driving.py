@@ -257,6 +257,9 @@ def test_the_model_behind_the_plan() -> None:
 
 def test_settings_can_be_changed_while_it_drives() -> None:
     mpc = DrivingMpc(CHOSEN)
+    before = mpc._followed.copy()
+    mpc.change(CHOSEN.model_copy(update={"actuator_lag": 0.5}))
+    assert (mpc._followed < before).all(), "the prediction follows the command by the new lag"
     mpc.change(CHOSEN.model_copy(update={"set_speed": 10.0}))
     empty = {"has_target": False}
     for k in range(1, 200):

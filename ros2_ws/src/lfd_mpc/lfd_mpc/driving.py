@@ -313,13 +313,18 @@ class DrivingMpc(Mpc):
         super().__init__(settings)
         self.driver = CarDriver(settings)
         self.driven: list[DrivingState] = []
+        self._followed = self._share_followed(settings)
+
+    def _share_followed(self, settings: MpcSettings) -> NDArray:
+        """How much of a new command is applied 1..N steps later."""
         steps = np.arange(1, self.controller.steps + 1)
-        self._followed = 1.0 - np.exp(-steps * STEP_S / settings.actuator_lag)
+        return 1.0 - np.exp(-steps * STEP_S / settings.actuator_lag)
 
     def change(self, settings: MpcSettings) -> None:
         """As of the controller; the car goes on from the command that was sent last."""
         super().change(settings)
         self.driver.change(settings)
+        self._followed = self._share_followed(settings)
 
     def _steps(self) -> list[Horizon]:
         self.driven = []
