@@ -55,6 +55,29 @@ def test_every_step_of_the_loop_says_what_the_nodes_cores_say(profile: str, solv
     assert {o.report.radar.state for o in looped} >= {1, 3, 4}
 
 
+COMPILED = """
+import sys
+from numba.core.dispatcher import Dispatcher
+import lfd_diagnosis.decision_node, lfd_diagnosis.diagnosis_node, lfd_observer.observer_node
+from lfd_bringup.compile_all import compile_all
+import lfd_bringup.simulate
+
+compile_all()
+for name, module in sorted(sys.modules.items()):
+    for function in vars(module).values() if name.startswith("lfd_") else ():
+        if isinstance(function, Dispatcher) and function._cache.cache_path is not None:
+            print(function.__name__, len(function.signatures))
+"""
+
+
+def test_nothing_is_left_to_compile_for_the_first_start_of_a_node() -> None:
+    program = [sys.executable, "-c", COMPILED]
+    kept = subprocess.run(program, capture_output=True, text=True, check=True).stdout
+    counts = dict(line.split() for line in kept.splitlines())
+    assert {"take_clock", "next_inputs", "take_sample"} <= set(counts)
+    assert [name for name, count in counts.items() if count == "0"] == []
+
+
 def test_rows_carry_the_horizons() -> None:
     drive = generate_drive("data-1", 1, "esr")
     samples = [s for s in drive.samples[:3000] if s.input != HOST_SPEED]

@@ -187,7 +187,7 @@ def compile_algorithm() -> None:
     environment = {**os.environ}
     if ROS_PREFIX is None:
         environment["AMENT_PREFIX_PATH"] = str(VENV)
-    command = [ROOT / "run", "lfd_replay", "compile_all"]
+    command = [ROOT / "run", "lfd_bringup", "compile_all"]
     if subprocess.run(command, env=environment).returncode:
         fail("compile", "the algorithm was not compiled", "see the lines above")
     file.write_text(digest)

@@ -23,6 +23,7 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
+            "compile_all = lfd_bringup.compile_all:main",
             "replay = lfd_bringup.replay:main",
             "simulate = lfd_bringup.simulate:main",
         ]

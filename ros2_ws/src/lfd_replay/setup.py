@@ -3,7 +3,6 @@ from setuptools import setup
 EXECUTABLES = (
     "bag_player",
     "calibrate",
-    "compile_all",
     "evaluate",
     "fault_injector",
     "host_adapter",

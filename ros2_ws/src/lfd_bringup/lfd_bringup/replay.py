@@ -28,7 +28,6 @@ from lfd_replay.drive_bag import replace_folder, write_drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import add_drive_options, print_table, result_table, warn
 from lfd_replay.faults import Fault, parse_faults
-from lfd_replay.generated.generate import generate_drive
 from lfd_replay.lockstep import LockstepError
 from lfd_replay.paths import share_folder
 from lfd_replay.player import GRAPH_NODES, PlayerNode, samples_to_play
@@ -80,6 +79,8 @@ def graph_nodes(
 
 def default_drive(out: Path) -> Path:
     """A generated drive, so that nothing from outside is needed."""
+    from lfd_replay.generated.generate import generate_drive
+
     path = out / f"{DEFAULT_DRIVE}.mcap"
     write_drive(generate_drive(DEFAULT_DRIVE, seed=0, sensor="esr"), path)
     return path
@@ -114,28 +115,31 @@ def main_replay(arguments: list[str]) -> int:
     if not options.drive and not any(text.strip() for text in fault_texts):
         fault_texts = [DEFAULT_FAULT]
     faults = parse_faults(fault_texts)
-    drive = read_drive(path, read_options(options))
     playing = play_options(options)
-    playing.check(drive)
-    warn(drive, faults)
-    samples = samples_to_play(drive, faults, playing)
-    if not samples:
-        raise UserError(f"{path}: no sample between --start and --start + --duration")
-
     make_folder(options.out)
     console = Console(soft_wrap=True)
-    console.print(f"replay of {drive.name}: {drive.duration:.1f} s, profile {options.profile}")
-    for fault in faults:
-        console.print(f"  injected: {fault.text}", markup=False, highlight=False)
     start_ros(arguments)
     executor = make_executor()
     nodes: list[Node] = []
     try:
+        # The first node looks around in the domain while the drive is read.
         recorder = RecorderNode(
             lambda event: console.print(event_line(event, drive.zero), highlight=False)
         )
-        player = PlayerNode(samples, playing, [*GRAPH_NODES, "recorder"])
-        nodes += [*graph_nodes(options.profile), recorder, player]
+        joined = time.monotonic()
+        nodes.append(recorder)
+        drive = read_drive(path, read_options(options))
+        playing.check(drive)
+        warn(drive, faults)
+        samples = samples_to_play(drive, faults, playing)
+        if not samples:
+            raise UserError(f"{path}: no sample between --start and --start + --duration")
+
+        console.print(f"replay of {drive.name}: {drive.duration:.1f} s, profile {options.profile}")
+        for fault in faults:
+            console.print(f"  injected: {fault.text}", markup=False, highlight=False)
+        player = PlayerNode(samples, playing, [*GRAPH_NODES, "recorder"], joined=joined)
+        nodes += [*graph_nodes(options.profile), player]
         for node in nodes:
             executor.add_node(node)
         started = time.monotonic()

@@ -75,8 +75,12 @@ class PlayerNode(Node):
         options: PlayOptions,
         wait_for: Sequence[str],
         context: Context | None = None,
+        joined: float | None = None,
     ) -> None:
-        """`wait_for`: names of nodes that must have said that they are ready."""
+        """`wait_for`: names of nodes that must have said that they are ready.
+
+        `joined`: `time.monotonic()` at which the context's first node was made; default now.
+        """
         super().__init__("bag_player", context=context)
         self._samples = samples
         self._times = playing_times(samples)
@@ -84,6 +88,7 @@ class PlayerNode(Node):
         self._position = 0
         self._missing = set(wait_for)
         self._created = time.monotonic()
+        self._joined = self._created if joined is None else joined
         self._started: float | None = None
         self._paused = False
         self._last_clock = -STEP_NS
@@ -140,8 +145,8 @@ class PlayerNode(Node):
                 )
             return HEARTBEAT
         if self._started is None:
-            if now - self._created < SETTLE:
-                return SETTLE - (now - self._created)
+            if now - self._joined < SETTLE:
+                return SETTLE - (now - self._joined)
             self._check_alone()
             if self._lockstep is not None:
                 self._lockstep.check_reliable(self._outputs.topics)

@@ -1,0 +1,92 @@
+"""Compile everything that is compiled once after installation, so that no node has to.
+
+Without it the first start of a node after installation or a change of the sources takes longer.
+"""
+
+import shutil
+import sys
+import time
+
+import numpy as np
+
+from lfd_diagnosis.confidence import confidences
+from lfd_diagnosis.diagnosis import make_diagnosis
+from lfd_diagnosis.fault_index import PredictionLimits
+from lfd_mpc.compiled import CACHE_FOLDER
+from lfd_mpc.driving import DrivingMpc
+from lfd_mpc.horizon import first_horizon
+from lfd_mpc.sampling import Sample, Sampler
+from lfd_mpc.settings import MpcSettings
+from lfd_observer.prediction_store import PredictionStore
+from lfd_observer.sliding_mode_observer import SlidingModeObservers
+from lfd_replay.generated.generate import generate_drive
+from lfd_replay.offline import OfflineGraph
+from lfd_replay.profiles import PROFILES, graph_settings
+from lfd_vehicle.settings import VehicleSettings
+from lfd_vehicle.vehicle import Vehicle
+
+COMPLETE = CACHE_FOLDER / "complete"
+"""Is there once everything has been compiled."""
+
+SAMPLES = 400
+"""Samples of a drive that call every compiled function."""
+
+
+def compile_all() -> None:
+    """Call every compiled function once, and remove what was compiled from other sources."""
+    samples = generate_drive("data-1", 0, "esr").samples[:SAMPLES]
+    for profile in PROFILES:
+        settings = graph_settings(profile)
+        for _ in OfflineGraph(settings).run(samples):
+            pass
+        for _ in OfflineGraph(settings).rows(samples):
+            pass
+        make_diagnosis(settings.diagnosis).silence(0)
+    _control(samples)
+    _drawings()
+    Vehicle(VehicleSettings(), 0.0, 20.0).step(0.0)
+    if CACHE_FOLDER.is_dir():
+        for other in CACHE_FOLDER.parent.glob("compiled-*"):
+            if other != CACHE_FOLDER:
+                shutil.rmtree(other, ignore_errors=True)
+        COMPLETE.touch()
+
+
+def _control(samples: list[Sample]) -> None:
+    """What live input, driving and other solvers need beyond an evaluation."""
+    sampler = Sampler()
+    mpc = DrivingMpc(MpcSettings(solver="proxqp", driving=True))
+    for sample in samples:
+        sampler.push(sample)
+        mpc.push(sample)
+    mpc.clock(samples[-1].stamp)
+    mpc.controller.solve(30.0, 0.0, 0.0, 20.0)
+    n = mpc.controller.steps
+    mpc.solve_outside(np.zeros(n), np.empty(n), np.empty((n, 2)))
+
+
+def _drawings() -> None:
+    """What a report draws and an evaluation's detectors count."""
+    settings = graph_settings("paper").diagnosis
+    n = settings.prediction_steps
+    store = PredictionStore(n)
+    store.follow(first_horizon().record)
+    store.push(np.zeros((n, 2)))
+    PredictionLimits(settings).outside(np.zeros(2), store.for_now())
+    confidences(np.zeros(1), 0.5, 10)
+    SlidingModeObservers(1, 10.0, 0.1, 0.0).step(np.zeros((1, 2)))
+
+
+def main() -> int:
+    """Entry point of `lfd_bringup compile_all`."""
+    if COMPLETE.is_file():
+        return 0
+    print("compile: the algorithm, once after a change (a minute)", flush=True)
+    started = time.perf_counter()
+    compile_all()
+    print(f"compile: done in {time.perf_counter() - started:.0f} s, kept in {CACHE_FOLDER}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
