@@ -175,7 +175,8 @@ def test_a_killed_node_is_noticed_and_its_successor_takes_over(capfd) -> None:
             order = [*NODES] * (kills // 3)
             rng.shuffle(order)
             for node in order:
-                car.drive(rng.uniform(0.2, 1.0))
+                # A diagnosis that has not heard a new bank yet does not miss it.
+                car.drive(rng.uniform(0.7, 1.5))
                 killed = time.perf_counter()
                 processes[node].kill()
                 processes[node].wait(timeout=10)
@@ -223,8 +224,8 @@ def test_a_killed_node_is_noticed_and_its_successor_takes_over(capfd) -> None:
         )
         assert max(silent) <= 0.2
         assert max(told) <= 1.0
-        # Discovery takes up to some seconds by chance: three kills have no median to speak of.
-        assert max(since_ready) <= 4.0
+        # Discovery takes up to a second by chance: three kills have no median to speak of.
+        assert max(since_ready) <= 2.5
         if SOAK:
             assert np.median(since_ready) <= 1.0
         assert reports.faults() == []

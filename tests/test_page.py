@@ -12,7 +12,7 @@ from test_live_equals_offline import drive
 from lfd_replay.drawing.figure_files import write_figure
 from lfd_replay.drawing.figure_page import cases_html, figure_html, table_html, write_page
 from lfd_replay.drawing.figures import POINTS, Figure, thinned
-from lfd_replay.drawing.panels import INDEXED, RecordedStep, Recording, contour_panels
+from lfd_replay.drawing.panels import INDEXED, Recording, contour_panels
 from lfd_replay.drawing.paper_figures import (
     case_figure,
     confusion_figure,
@@ -26,6 +26,7 @@ from lfd_replay.drawing.paper_figures import (
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import graph_settings
+from lfd_replay.recorded_step import RecordedStep
 
 SETTINGS = graph_settings("paper")
 WIDTHS = (1300, 1024)

@@ -5,10 +5,10 @@ from pathlib import Path
 
 from test_live_equals_offline import drive
 
-from lfd_replay.drawing.panels import RecordedStep
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import graph_settings
+from lfd_replay.recorded_step import RecordedStep
 from lfd_replay.report import write_report
 from lfd_replay.score import score, timeline
 

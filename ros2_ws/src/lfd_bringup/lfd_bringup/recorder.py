@@ -26,8 +26,8 @@ from lfd_msgs.msg import (
     VehicleTruth,
 )
 from lfd_observer.bank import BankState
-from lfd_replay.drawing.panels import RecordedStep
 from lfd_replay.drive_bag import write_what_fits
+from lfd_replay.recorded_step import RecordedStep
 
 TOPICS = {
     "radar/target": RadarTarget,

@@ -23,10 +23,10 @@ from lfd_mpc.mpc_node import MpcNode
 from lfd_mpc.node_support import make_executor, start_ros
 from lfd_observer.observer_node import ObserverNode
 from lfd_replay.bag_player import add_play_options, play, play_options
+from lfd_replay.command_line import add_drive_options, print_table, result_table, warn
 from lfd_replay.drive import Drive
 from lfd_replay.drive_bag import replace_folder, write_drive
 from lfd_replay.errors import run_command
-from lfd_replay.evaluate import add_drive_options, print_table, result_table, warn
 from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.lockstep import LockstepError
 from lfd_replay.paths import share_folder

@@ -12,9 +12,9 @@ from rich.progress import track
 from rich.table import Table
 
 from lfd_mpc.errors import UserError
+from lfd_replay.command_line import print_table, warn
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
-from lfd_replay.evaluate import print_table, warn
 from lfd_replay.evaluation.detectors import counted_faults
 from lfd_replay.evaluation.normal_driving import (
     IndexStatistics,

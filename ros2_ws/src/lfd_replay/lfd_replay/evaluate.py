@@ -3,7 +3,6 @@
 import argparse
 import json
 import os
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,11 +10,10 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.sampling import Sample
-from lfd_replay.drawing.panels import RecordedStep
+from lfd_replay.command_line import add_drive_options, print_table, result_table, warn
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate_many import drives_of, evaluate_all, many_table, say_failures
@@ -24,60 +22,18 @@ from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, GraphSettings, graph_settings
 from lfd_replay.read_drive import (
     ReadOptions,
-    add_read_options,
     read_drive,
     read_options,
     without_collector,
 )
+from lfd_replay.recorded_step import RecordedStep
 from lfd_replay.score import (
-    SUMMARY_COLUMNS,
     Timeline,
     row_timeline,
     score,
-    summary_rows,
     timeline,
 )
 from lfd_replay.text_file import write_text
-
-
-def add_drive_options(parser: argparse.ArgumentParser) -> None:
-    """Options that every command on drives and faults has."""
-    parser.add_argument(
-        "--fault",
-        action="append",
-        default=[],
-        metavar="TEXT",
-        help="KIND:SIGNAL[=VALUE][,SIGNAL=VALUE...]@START-END in s of drive time; may be repeated",
-    )
-    add_read_options(parser)
-    parser.add_argument("--seed", type=int, default=0, help="seed of the noise fault (default: 0)")
-
-
-def warn(drive: Drive, faults: list[Fault]) -> None:
-    """Say on stderr what was accepted although it looks odd."""
-    for warning in drive.warnings:
-        print(f"warning: {drive.name}: {warning}", file=sys.stderr)
-    for fault in faults:
-        if fault.start * 1e-9 > drive.duration:
-            print(
-                f"warning: fault '{fault.text}' starts after the end of the drive "
-                f"({drive.duration:.1f} s)",
-                file=sys.stderr,
-            )
-
-
-def result_table(sensors: dict[str, dict], title: str) -> Table:
-    """The verdict per sensor as people read it."""
-    table = Table(*SUMMARY_COLUMNS, title=title, title_justify="left")
-    for row in summary_rows(sensors):
-        table.add_row(*row)
-    return table
-
-
-def print_table(table: Table) -> None:
-    """Print a table; where nobody knows how wide the output is, wide enough for all of it."""
-    console = Console()
-    Console(width=None if console.is_terminal else 120).print(table)
 
 
 @dataclass(frozen=True)

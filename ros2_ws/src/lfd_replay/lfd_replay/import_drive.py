@@ -6,11 +6,11 @@ from pathlib import Path
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, INPUTS
+from lfd_replay.command_line import warn
 from lfd_replay.drive import Drive, make_drive
 from lfd_replay.drive_bag import write_drive
 from lfd_replay.drive_csv import ACCEL, SPEED, Table, read_csv_streams, scalar_stream
 from lfd_replay.errors import run_command
-from lfd_replay.evaluate import warn
 from lfd_replay.read_drive import (
     ReadOptions,
     add_read_options,

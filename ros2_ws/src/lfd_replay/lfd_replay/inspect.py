@@ -8,9 +8,9 @@ from pathlib import Path
 from rich.table import Table
 
 from lfd_mpc.errors import UserError
+from lfd_replay.command_line import print_table
 from lfd_replay.drive_csv import read_csv_as_it_is
 from lfd_replay.errors import run_command
-from lfd_replay.evaluate import print_table
 from lfd_replay.inspection import bag_topics, inspect_streams, remarks
 from lfd_replay.read_drive import add_read_options, read_options, read_streams
 from lfd_replay.text_file import write_text

@@ -12,8 +12,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from lfd_mpc.errors import UserError
+from lfd_replay.command_line import print_table
 from lfd_replay.errors import run_command
-from lfd_replay.evaluate import print_table
 from lfd_replay.evaluation import summary
 from lfd_replay.evaluation.campaign import evaluate_paper, full, plain
 from lfd_replay.evaluation.cases import RECORDED

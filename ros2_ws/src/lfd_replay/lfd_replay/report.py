@@ -9,7 +9,6 @@ from lfd_diagnosis.verdict import SIGNALS, State
 from lfd_replay.drawing.figure_page import figure_html, table_html, write_page
 from lfd_replay.drawing.figures import Figure
 from lfd_replay.drawing.panels import (
-    RecordedStep,
     Recording,
     acceleration_panel,
     confidence_panel,
@@ -18,6 +17,7 @@ from lfd_replay.drawing.panels import (
     verdict_panel,
 )
 from lfd_replay.faults import Fault
+from lfd_replay.recorded_step import RecordedStep
 from lfd_replay.score import SUMMARY_COLUMNS, summary_rows
 
 MAX_CHANGES = 200

@@ -1,17 +1,14 @@
 """Panels of a drive through the graph: measured, limits, indices, verdicts."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lfd_diagnosis.fault_index import PredictionLimits
 from lfd_diagnosis.settings import DiagnosisSettings
-from lfd_diagnosis.verdict import SIGNALS, Report, State
-from lfd_mpc.horizon import Horizon
+from lfd_diagnosis.verdict import SIGNALS, State
 from lfd_mpc.settings import STEP_S
-from lfd_observer.bank import BankState
 from lfd_observer.prediction_store import PredictionStore
 from lfd_replay.drawing.figures import (
     COLOURS,
@@ -29,21 +26,13 @@ from lfd_replay.drawing.figures import (
     Spans,
 )
 from lfd_replay.faults import Fault, truth_windows
+from lfd_replay.recorded_step import RecordedStep
 from lfd_replay.score import intervals
 
 Array = NDArray[np.float64]
 
 TIME = "drive time (s)"
 INDEXED = ("clearance", "relative_velocity", "acceleration")
-
-
-@dataclass(frozen=True)
-class RecordedStep:
-    """What every node said about one step; `bank` is None where its answer was lost."""
-
-    horizon: Horizon
-    bank: BankState | None
-    report: Report
 
 
 class Recording:

@@ -8,7 +8,7 @@ from pathlib import Path
 from lfd_replay.drawing.figure_files import write_figure
 from lfd_replay.drawing.figure_page import cases_html, figure_html, table_html, write_page
 from lfd_replay.drawing.figures import Figure
-from lfd_replay.drawing.panels import RecordedStep, Recording
+from lfd_replay.drawing.panels import Recording
 from lfd_replay.drawing.paper_figures import (
     case_figure,
     confusion_figure,
@@ -25,6 +25,7 @@ from lfd_replay.evaluation.cases import RECORDED, Case, added, combination_title
 from lfd_replay.evaluation.detectors import PUBLISHED
 from lfd_replay.faults import parse_faults
 from lfd_replay.profiles import GraphSettings
+from lfd_replay.recorded_step import RecordedStep
 
 
 def case_title(case: Case) -> str:
