@@ -5,9 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from lfd_diagnosis.verdict import State
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
+from lfd_replay.evaluation.recorded_tracks import COUNT, recorded_tracks, track_drive
 from lfd_replay.import_drive import main_import
+from lfd_replay.offline import OfflineGraph
+from lfd_replay.profiles import graph_settings
 
 NAME = "comma2k19_rav4_seg40"
 ZERO = 0.0049
@@ -112,3 +116,22 @@ def test_the_robust_profile_knows_a_car_under_another_id(data: Path, tmp_path: P
     sensors = json.loads(result.read_text())["sensors"]
     assert sensors["clearance"]["detected"] and sensors["relative_velocity"]["detected"]
     assert sensors["acceleration"]["flagged"] == []
+
+
+def test_no_track_of_the_recorded_radar_is_called_faulty(data: Path) -> None:
+    """Reflections wander over cars, tracks end beside them: none of it is a sensor's fault."""
+    assert len(recorded_tracks(data)) == COUNT
+    seconds, said = 0.0, []
+    for number in range(COUNT):
+        drive = track_drive(data, number)
+        seconds += drive.duration
+        graph = OfflineGraph(graph_settings("robust"))
+        for rows in graph.rows(drive.samples):
+            for outcome in graph.outcomes(rows):
+                said += [
+                    (drive.name, event.signal, event.fault.reason)
+                    for event in outcome.events
+                    if event.fault.state == State.FAULT
+                ]
+    assert seconds > 400.0
+    assert said == []

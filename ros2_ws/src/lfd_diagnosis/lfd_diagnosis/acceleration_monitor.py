@@ -122,6 +122,9 @@ BLIND_STD = 0.7
 LEAST = 0.6
 """m/s^2 within which an acceleration that jumped must come back."""
 
+HELD_CHANGE = 0.2
+"""m/s^2 by which the speed's derivative must change while the accelerometer repeats itself."""
+
 SAMPLES = 2 * SHARP + SHARP_GAP
 """Steps that are looked at for a jump."""
 
@@ -136,6 +139,7 @@ ACCELERATION = np.dtype(
         ("speed", HOST_SPEED),
         ("roughness", ROUGHNESS),
         ("repetition", REPETITION),
+        ("derivative_when_held", "f8"),
         # Noise of the difference against a moment ago, against its slow mean, and against V2V.
         ("step_noise", LEARNT_NOISE),
         ("slow_noise", LEARNT_NOISE),
@@ -197,6 +201,7 @@ def start_acceleration(monitor, settings):
     start_speed(monitor.speed, learn)
     start_roughness(monitor.roughness, 64)
     start_repetition(monitor.repetition, 8)
+    monitor.derivative_when_held = np.nan
     start_noise(monitor.step_noise, 0.15, 0.03, 1.0, learn, 2000)
     start_noise(monitor.slow_noise, 0.2, 0.05, 1.0, learn, 2000)
     start_noise(monitor.report_noise, max(0.25, settings.lead_report_std), 0.1, 1.0, learn, 2000)
@@ -305,7 +310,8 @@ def _follow_samples(monitor, settings, time, value):
     monitor.fresh = is_new(time, monitor.last_at)
     if monitor.fresh:
         take_roughness(monitor.roughness, value, not monitor.faulty)
-        take_repetition(monitor.repetition, value, not monitor.faulty)
+        if not take_repetition(monitor.repetition, value, not monitor.faulty):
+            monitor.derivative_when_held = monitor.speed.derivative
         monitor.last_at = time
     append(monitor.samples, value)
     append(monitor.before_jump, monitor.filtered - monitor.slope)
@@ -332,14 +338,16 @@ def judge_acceleration(monitor, settings, horizon, relative_acceleration, lead_r
         _against_lead(monitor, settings, lead_report)
     exceeded = is_exceeded(check)
     _count(monitor, settings, exceeded)
+    should_change = not usable or abs(speed.derivative - monitor.derivative_when_held) > HELD_CHANGE
     frozen = (
         settings.check_repetition
-        and is_frozen(monitor.repetition)
+        and is_frozen(monitor.repetition, should_change)
         and (is_moving(speed) or not usable)
     )
     rough = settings.check_roughness and _seems_rough(monitor, usable)
     if monitor.faulty:
-        _requalify(monitor, settings, exceeded or frozen or rough)
+        held = settings.check_repetition and is_frozen(monitor.repetition, True)
+        _requalify(monitor, settings, exceeded or held or rough)
     elif frozen:
         kind = Kind.ZERO if horizon.measured_acceleration == 0.0 else Kind.HOLD
         run = monitor.repetition.run + 1

@@ -34,6 +34,9 @@ WIDEST_WINDOW = 64
 CHANCE = 1e-7
 """Probability below which a run of equal samples is no coincidence."""
 
+UNCHANGED = 5.0
+"""How many times longer a run must be while the signal had no reason to change."""
+
 ENOUGH = 100
 """Samples that must be known before a run is called too long."""
 
@@ -193,13 +196,17 @@ def start_repetition(repetition, least):
 
 
 @inner
-def is_frozen(repetition):
-    """Whether the run is longer than any healthy one could be; false while little is known."""
+def is_frozen(repetition, should_change):
+    """Whether the run is longer than any healthy one could be; false while little is known.
+
+    A filter inside the sensor may say the same for longer than chance would: where nothing says
+    that the value `should_change`, the run must be far longer.
+    """
     if repetition.samples < ENOUGH or repetition.run < repetition.least:
         return False
     share = min(max(repetition.equal / repetition.samples, 0.01), 0.99)
     limit = max(float(2 * repetition.longest + 2), log(CHANCE) / log(share))
-    return repetition.run >= limit
+    return repetition.run >= (limit if should_change else UNCHANGED * limit)
 
 
 @inner

@@ -175,7 +175,7 @@ def _take(speed, settings, at, value, acceleration, shaken):
     speed.last, speed.last_at = value, at
     rough = is_rough(speed.roughness)
     speed.rough_for = speed.rough_for + period if rough else 0.0
-    if settings.check_repetition and is_frozen(speed.repetition) and _should_change(speed):
+    if settings.check_repetition and is_frozen(speed.repetition, True) and _should_change(speed):
         run = speed.repetition.run + 1
         _convict(speed, Kind.HOLD, np.nan, Ground.SPEED_HELD, value, run, 0.0)
     elif settings.check_roughness and speed.rough_for >= ROUGH_TIME and not shaken:

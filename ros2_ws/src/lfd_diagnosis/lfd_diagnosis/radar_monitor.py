@@ -6,6 +6,7 @@ import numpy as np
 
 from lfd_diagnosis.evidence import Ground, give_ground
 from lfd_diagnosis.healthy_signal import (
+    at,
     deviation,
     is_frozen,
     is_new,
@@ -88,12 +89,19 @@ LOST_AFTER = 1.0
 VELOCITY_BIAS = 0.02
 """m/s by which the relative velocity may be off for good; a coasted clearance drifts with it."""
 
-GRADUAL = 0.6
-"""Share of its limit that a residual has before a fault that came on gradually."""
+GRADUAL, GROWN = 0.6, 0.75
+"""Share of its limit that a residual has before a fault that came on gradually; share of the
+present residual that the first bad one is where it still grows."""
+
+LARGEST_SHIFT = 2.0
+"""How far apart in m a radar may see two parts of one car."""
 
 HELD_PATH, HELD_SIGMA, HELD_STEPS = 0.45, 4.0, 3.0
 """What must have been travelled while the clearance repeats itself: m, deviations of its noise, and
 steps of its resolution."""
+
+HELD_CHANGE = 0.15
+"""m/s by which the relative velocity should have changed while it repeats itself."""
 
 CLEARANCE_STD, VELOCITY_STD = 0.22, 0.3
 """How well a track is known, in m and m/s, that a contradiction was explained with."""
@@ -130,6 +138,8 @@ RADAR = np.dtype(
         ("host", "f8"),
         ("host_moves", "?"),
         ("travelled_while_held", "f8"),
+        ("lead_when_held", "f8"),
+        ("changed_while_held", "f8"),
         ("lost", "?"),
         ("lost_since", "f8"),
     ],
@@ -164,6 +174,7 @@ def _start_target(radar, settings):
     radar.remembered_count = 0
     radar.slow_acceleration = settings.lead_acceleration_mean
     radar.host = radar.travelled_while_held = 0.0
+    radar.lead_when_held = radar.changed_while_held = 0.0
     clear_path(radar.path)
     restart_signal(radar.clearance)
     restart_signal(radar.velocity)
@@ -287,6 +298,11 @@ def _scan(radar, settings, track_id):
         radar.travelled_while_held += radar.track.velocity * period
     else:
         radar.travelled_while_held = 0.0
+    if same_velocity and radar.has_track:
+        period = velocity.at - radar.velocity.last_at
+        radar.changed_while_held += (radar.lead_when_held - radar.host) * period
+    else:
+        radar.lead_when_held, radar.changed_while_held = radar.slow_acceleration, 0.0
     if not radar.has_track:
         if whole:
             _begin(radar, settings, track_id)
@@ -499,8 +515,11 @@ def _judge(radar, settings, repeated):
 def _suspect(radar, settings, signal, of_clearance):
     """Whether a signal that was healthy still is."""
     if signal.confidence >= settings.scan_confidence_threshold:
-        if of_clearance and _is_gradual(radar, settings) and is_explainable(radar.path):
+        explainable = of_clearance and is_explainable(radar.path)
+        if explainable and _is_gradual(radar, settings):
             _explain(radar, settings, signal.residual, signal.limit)
+        elif explainable and _is_growing(radar, settings):
+            pass  # The path will tell what it is.
         else:
             give_ground(signal.because, Ground.RESIDUAL, signal.residual, signal.limit, 0.0)
             _convict(radar, settings, signal, Kind.OFFSET)
@@ -534,7 +553,8 @@ def _is_frozen(radar, signal, of_clearance):
             HELD_SIGMA * deviation(signal.noise),
             HELD_STEPS * signal.roughness.resolution,
         )
-    return is_frozen(signal.repetition) and radar.host_moves
+    should_change = abs(radar.changed_while_held) > HELD_CHANGE
+    return radar.host_moves and is_frozen(signal.repetition, should_change)
 
 
 @inner
@@ -546,6 +566,18 @@ def _is_gradual(radar, settings):
         settings.check_drift
         and before * signal.residual > 0.0
         and abs(before) > GRADUAL * signal.limit
+    )
+
+
+@inner
+def _is_growing(radar, settings):
+    """Whether the clearance, out of its limits, goes on from there: no fault that jumps does."""
+    signal = radar.clearance
+    return (
+        settings.check_drift
+        and signal.first.count > 0
+        and at(signal.first, 0) * signal.residual > 0.0
+        and abs(at(signal.first, 0)) < GROWN * abs(signal.residual)
     )
 
 
@@ -601,8 +633,14 @@ def _rebase(track, signal, measured, of_clearance):
 def _follow_path(radar, settings):
     """Hold the clearance against the path that the relative velocity makes."""
     clearance, velocity, path = radar.clearance, radar.velocity, radar.path
-    if is_bad(velocity) or (is_bad(clearance) and not _is_gradual(radar, settings)):
+    if is_bad(velocity):
         return
+    if is_bad(clearance) and not _is_gradual(radar, settings):
+        if not _is_growing(radar, settings):
+            return
+        if path.count and is_new(clearance.last_at, path.then):
+            # The first bad one could have been an outlier.
+            follow_path(path, settings, clearance.last_at, clearance.last, velocity.last, 0.0)
     limit = path_limit(path, settings, _widening(radar), resolution_of(clearance))
     follow_path(
         path,
@@ -643,6 +681,9 @@ def _explain(radar, settings, difference, limit):
     clearance, velocity = radar.clearance, radar.velocity
     held = is_held(clearance) and abs(radar.travelled_while_held) > 0.5 * abs(difference)
     explain_drift(path, abs(difference) / limit, held, drift)
+    if drift.shift != 0.0:
+        _take_shift(radar, settings, difference, limit)
+        return
     if not drift.told:
         return
     if drift.of_clearance:
@@ -657,3 +698,20 @@ def _explain(radar, settings, difference, limit):
     velocity.residual = drift.error
     give_ground(velocity.because, Ground.PATH, difference, limit, 0.0)
     _convict(radar, settings, velocity, drift.kind)
+
+
+@inner
+def _take_shift(radar, settings, difference, limit):
+    """The clearance went over to another level: another part of the car, or too far for that."""
+    path, track, clearance = radar.path, radar.track, radar.clearance
+    shift = radar.drift.shift
+    if abs(shift) <= LARGEST_SHIFT:
+        set_clearance(track, path.clearance, CLEARANCE_STD**2)
+        acquit(clearance)
+        clearance.bias = 0.0
+        clear_path(path)
+        return
+    set_clearance(track, path.clearance - shift, CLEARANCE_STD**2)
+    clearance.residual = shift
+    give_ground(clearance.because, Ground.PATH, difference, limit, 0.0)
+    _convict(radar, settings, clearance, Kind.OFFSET)

@@ -217,7 +217,7 @@ def classify(signal):
         return
     if signal.last == 0.0 and signal.repetition.run >= 3:
         signal.kind = Kind.ZERO
-    elif is_held(signal) and is_frozen(signal.repetition):
+    elif is_held(signal) and is_frozen(signal.repetition, True):
         signal.kind = Kind.HOLD
     elif is_rough(signal.roughness) and signal.kind == Kind.OFFSET:
         signal.kind = Kind.NOISE

@@ -27,7 +27,7 @@ class RadarChecks(Settings):
         le=20.0,
     )
     clearance_floor: float = setting(
-        1.0, "m", "least limit of the clearance's prediction residual", ROBUST, gt=0.0, le=20.0
+        1.3, "m", "least limit of the clearance's prediction residual", ROBUST, gt=0.0, le=20.0
     )
     relative_velocity_floor: float = setting(
         0.8,

@@ -24,6 +24,13 @@ STEP_SEARCH, STEP_SHARE = 0.3, 0.6
 DOUBT, PATIENCE = 0.75, 1.6
 """Ratio of two explanations' errors above which neither is clearly better, and limits to wait."""
 
+SHIFT_TIME, SHIFT_DOUBT, SHIFT_POINTS = 0.4, 0.5, 3
+"""Seconds in which a radar goes over to another part of the same car, the ratio of errors below
+which that explains a difference, and points that are needed on either side."""
+
+SUDDEN, SUDDEN_SHARE = 0.5, 0.7
+"""Seconds in which no drift goes such a share of the way to its limit."""
+
 STEPS = 2.5
 """Steps of the clearance's resolution that a drift may seem to have."""
 
@@ -53,10 +60,11 @@ TRAVELLED_PATH = np.dtype(
 """
 
 DRIFT = np.dtype(
-    [("told", "?"), ("of_clearance", "?"), ("kind", "i8"), ("error", "f8")], align=True
+    [("told", "?"), ("of_clearance", "?"), ("kind", "i8"), ("error", "f8"), ("shift", "f8")],
+    align=True,
 )
 """Who is wrong: the clearance, or else the relative velocity; by how much in its unit. Not `told`
-while that is in doubt."""
+while that is in doubt. `shift` in m where the clearance only went over to another level, else 0."""
 
 
 @inner
@@ -175,6 +183,46 @@ def _fit(times, off, power):
 
 
 @inner
+def _fit_shift(times, off):
+    """Best of one level before and another one after: squared error, and how far apart they are.
+
+    What lies between them, `SHIFT_TIME` at most, belongs to neither.
+    """
+    n = len(times)
+    sums, squares = np.zeros(n + 1), np.zeros(n + 1)
+    for i in range(n):
+        sums[i + 1] = sums[i] + off[i]
+        squares[i + 1] = squares[i] + off[i] ** 2
+    best_error, best_shift = np.inf, 0.0
+    after = 0
+    for before in range(SHIFT_POINTS, n - SHIFT_POINTS + 1):
+        while after < n and times[after] <= times[before - 1] + SHIFT_TIME:
+            after += 1
+        after_count = n - after
+        if after_count < SHIFT_POINTS:
+            after_count = SHIFT_POINTS
+        first = n - after_count
+        new = (sums[n] - sums[first]) / after_count
+        old = sums[before] / before
+        error = squares[before] - before * old * old
+        error += squares[n] - squares[first] - after_count * new * new
+        if error < best_error:
+            best_error, best_shift = error, new - old
+    return best_error, best_shift
+
+
+@inner
+def _is_sudden(times, off):
+    """Whether most of the difference came within the last moment: it may not be over yet."""
+    n = len(times)
+    before = 0
+    while before < n - 1 and times[before + 1] <= -SUDDEN:
+        before += 1
+    whole = off[n - 1] - off[:SHIFT_POINTS].mean()
+    return abs(off[n - 1] - off[before]) > SUDDEN_SHARE * abs(whole)
+
+
+@inner
 def _tell(drift, of_clearance, kind, error):
     drift.told, drift.of_clearance, drift.kind, drift.error = True, of_clearance, kind, error
 
@@ -185,7 +233,8 @@ def explain_drift(path, excess, held, drift):
 
     A clearance that drifts leaves the path in a straight line; a relative velocity that drifts
     bends it; a step of the velocity, too small for its own limits, leaves a straight line, but
-    was seen as a step. `excess`: drift over its limit; `held`: the clearance repeats itself.
+    was seen as a step. A clearance that went over to another level at once is a radar that sees
+    another part of the car. `excess`: drift over its limit; `held`: the clearance repeats itself.
     """
     n = path.count
     times, off, steps = np.empty(n), np.empty(n), np.empty(n)
@@ -196,11 +245,17 @@ def explain_drift(path, excess, held, drift):
         off[i], steps[i] = path.points[k, 1], path.points[k, 2]
     line_error, line_onset, line_base, line_slope = _fit(times, off, 1)
     bend_error, bend_onset, _, bend_slope = _fit(times, off, 2)
-    drift.told = False
+    drift.told, drift.shift = False, 0.0
     if held:
         _tell(drift, True, Kind.HOLD, off[n - 1] - line_base)
         return
     better, worse = min(line_error, bend_error), max(line_error, bend_error)
+    shift_error, shift = _fit_shift(times, off)
+    if shift_error < SHIFT_DOUBT * better:
+        drift.shift = shift
+        return
+    if _is_sudden(times, off):
+        return
     if better > DOUBT * worse and excess < PATIENCE:
         return
     if bend_error < line_error:

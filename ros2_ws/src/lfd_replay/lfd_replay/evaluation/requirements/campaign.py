@@ -6,11 +6,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from lfd_replay.evaluation.recorded_tracks import COUNT
 from lfd_replay.evaluation.requirements import judge as judges
 from lfd_replay.evaluation.requirements import plan
 from lfd_replay.evaluation.requirements.judge import Finding, Judge, kinds_confusion
 from lfd_replay.evaluation.requirements.plan import Extent
-from lfd_replay.evaluation.requirements.windows import NEAREST, Run, run_windows
+from lfd_replay.evaluation.requirements.windows import NEAREST, TRACK, Run, run_windows
 from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.journal import Task
 
@@ -114,6 +115,8 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
                 partial(judges.judge_found, least=0.99, delay=0.3),
             )
     if recorded:
+        tracks = [Run(f"{TRACK}{number}", 0) for number in range(COUNT)]
+        add("every track of the recorded radar", tracks, judges.judge_healthy)
         add("nearest in path", [Run(NEAREST, 0)], partial(judges.judge_healthy, ready=0.8))
         for name, values in plan.COMBINATIONS.items():
             add(

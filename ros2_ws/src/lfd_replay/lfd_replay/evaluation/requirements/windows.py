@@ -11,6 +11,7 @@ from lfd_diagnosis.verdict import State
 from lfd_mpc.sampling import HOST_SPEED, LEAD_ACCELERATION, Sample, ScalarSample
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
+from lfd_replay.evaluation.recorded_tracks import track_drive
 from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.generated.generate import drive_truth, generate_drive
@@ -20,6 +21,9 @@ from lfd_replay.profiles import PROFILES, GraphSettings, graph_settings
 from lfd_replay.read_drive import ReadOptions
 
 Array = NDArray[np.float64]
+
+TRACK = "track "
+"""A track of the recorded radar by itself; its number follows."""
 
 NEAREST = "nearest in path"
 """The recorded drive's nearest target in path: its track ids change with every swap."""
@@ -68,6 +72,8 @@ def load(run: Run, recorded: Path | None) -> Drive:
             f"{base}.speed.csv",
             ReadOptions(mapping={"track_id": "track_addr"}),
         )
+    if run.drive.startswith(TRACK) and recorded is not None:
+        return track_drive(recorded, int(run.drive.removeprefix(TRACK)))
     if run.drive == RECORDED:
         return load_drive(RECORDED, recorded)
     return generate_drive(run.drive, run.seed, run.sensor, run.peak)

@@ -1,0 +1,60 @@
+"""Every track of the recorded radar as a drive of its own: many cars, real radar, one host."""
+
+import csv
+from functools import cache
+from pathlib import Path
+
+from lfd_mpc.errors import UserError
+from lfd_mpc.sampling import RADAR, RadarSample, Sample
+from lfd_replay.drive import Drive
+from lfd_replay.evaluation.cases import RECORDED, load_drive
+
+COUNT = 33
+"""Tracks of the recorded radar that are long enough."""
+
+SHORTEST, GAP, JUMP = 3.0, 0.3, 6.0
+"""Seconds that a track must last; s of silence, and m between two scans, that end it: the radar
+gives its few track ids again and again."""
+
+
+@cache
+def recorded_tracks(folder: Path) -> list[list[RadarSample]]:
+    """The tracks, longest first; stamps in the time of the recording's files."""
+    by_id: dict[str, list[dict[str, str]]] = {}
+    with (folder / f"{RECORDED}.radar_alltracks.csv").open() as file:
+        for row in csv.DictReader(file):
+            by_id.setdefault(row["track_addr"], []).append(row)
+    tracks: list[list[RadarSample]] = []
+    for rows in by_id.values():
+        last = None
+        for row in rows:
+            sample = RadarSample(
+                stamp=round(float(row["t_s"]) * 1e9),
+                has_target=True,
+                clearance=float(row["range_m"]),
+                relative_velocity=float(row["range_rate_mps"]),
+                track_id=int(row["track_addr"]),
+            )
+            if (
+                last is None
+                or row["new_track"] == "1"
+                or sample.stamp - last.stamp > GAP * 1e9
+                or abs(sample.clearance - last.clearance) > JUMP
+            ):
+                tracks.append([])
+            tracks[-1].append(sample)
+            last = sample
+    lasting = [t for t in tracks if t[-1].stamp - t[0].stamp > SHORTEST * 1e9]
+    return sorted(lasting, key=lambda t: t[0].stamp - t[-1].stamp)
+
+
+def track_drive(folder: Path, number: int) -> Drive:
+    """A drive behind one track, 0 = the longest. Raises UserError for a number there is not."""
+    tracks = recorded_tracks(folder)
+    if number >= len(tracks):
+        raise UserError(f"{folder}: track {number} of {len(tracks)} in the recording")
+    track = tracks[number]
+    first, last = track[0].stamp, track[-1].stamp
+    host = [s for s in load_drive(RECORDED, folder).samples if s.input != RADAR]
+    samples: list[Sample] = [*(s for s in host if first <= s.stamp <= last), *track]
+    return Drive(f"track {number}", sorted(samples, key=lambda sample: sample.stamp))
