@@ -510,10 +510,10 @@ def test_roughness_is_blind_to_smooth_motion_and_to_one_outlier() -> None:
     start_roughness(roughness, 16)
     random = Random(4)
     for k in range(200):
-        take_roughness(roughness, 0.001 * k**2 + random.gauss(0.0, 0.05) + (k == 150), True)
+        take_roughness(roughness, 0.001 * k**2 + random.gauss(0.0, 0.05) + (k == 150), True, 0.0)
         assert not is_rough(roughness)
     for _ in range(16):
-        take_roughness(roughness, random.gauss(0.0, 1.0), False)
+        take_roughness(roughness, random.gauss(0.0, 1.0), False, 0.0)
     assert is_rough(roughness)
 
 

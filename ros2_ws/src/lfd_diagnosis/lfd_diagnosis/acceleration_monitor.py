@@ -35,6 +35,7 @@ from lfd_diagnosis.healthy_signal import (
     is_rough,
     learn_noise,
     mean_of,
+    resolution_of,
     restart_repetition,
     restart_roughness,
     rough_share,
@@ -48,6 +49,8 @@ from lfd_diagnosis.healthy_signal import (
 )
 from lfd_diagnosis.host_speed import (
     HOST_SPEED,
+    JERK_FILTER,
+    JERK_SHARE,
     ROUGH_TIME,
     follow_speed,
     is_moving,
@@ -67,6 +70,14 @@ BASELINE, BASELINE_DELAY = 0.7, 30
 
 WARM_UP = 3.0
 """Seconds over which the limits come down from thrice to once their width."""
+
+LAG_DOUBT, CALM_JERK = 0.15, 4.0
+"""s by which the lag may differ from what is known of it before a jerk has told it, and m/s^3 up to
+which that does not matter."""
+
+POSSIBLE_JERK, LEAP, LEAP_MEMORY = 40.0, 3.0, 30
+"""m/s^3 that a car may reach and rough samples' rms: what goes beyond them from one sample to the
+next is a leap, for so many steps."""
 
 LARGEST_LAG = 0.3
 """Largest lag in s between accelerometer and speed that is learnt."""
@@ -122,8 +133,9 @@ BLIND_STD = 0.7
 LEAST = 0.6
 """m/s^2 within which an acceleration that jumped must come back."""
 
-HELD_CHANGE = 0.2
-"""m/s^2 by which the speed's derivative must change while the accelerometer repeats itself."""
+HELD_CHANGE, HELD_STEPS = 0.2, 2.5
+"""m/s^2, and steps of its resolution, by which the speed's derivative must change while the
+accelerometer repeats itself."""
 
 SAMPLES = 2 * SHARP + SHARP_GAP
 """Steps that are looked at for a jump."""
@@ -170,6 +182,9 @@ ACCELERATION = np.dtype(
         ("fresh", "?"),
         ("new_samples", "i8"),
         ("filtered", "f8"),
+        ("slow_filtered", "f8"),
+        ("value", "f8"),
+        ("leapt_for", "i8"),
         ("burst", "f8"),
         ("before_jump", RING),
         ("samples", RING),
@@ -222,6 +237,8 @@ def restart_acceleration(monitor):
     monitor.last_at = -np.inf
     monitor.fresh, monitor.new_samples = False, 0
     monitor.filtered, monitor.burst = np.nan, 0.0
+    monitor.slow_filtered = monitor.value = np.nan
+    monitor.leapt_for = 0
     start_ring(monitor.before_jump, BEFORE_JUMP)
     start_ring(monitor.samples, SAMPLES)
     monitor.lead = monitor.lead_slow = np.nan
@@ -283,7 +300,10 @@ def follow_acceleration(monitor, settings, horizon):
     if settings.use_host_speed and not horizon.host_speed_stale:
         time = now - horizon.host_speed_age
         value = horizon.measured_host_speed
-        follow_speed(speed, settings, time, value, monitor.acceleration, monitor.shaken)
+        felt = monitor.acceleration
+        if not monitor.faulty and not isnan(monitor.filtered):
+            felt = monitor.filtered - monitor.slope
+        follow_speed(speed, settings, now, time, value, felt, monitor.shaken)
     else:
         lose_speed(speed)
     usable = not horizon.acceleration_stale
@@ -304,12 +324,18 @@ def follow_acceleration(monitor, settings, horizon):
 def _follow_samples(monitor, settings, time, value):
     share = filter_share(settings.host_speed_filter_time)
     if isnan(monitor.filtered):
-        monitor.filtered = value
+        monitor.filtered = monitor.slow_filtered = monitor.value = value
     monitor.filtered += share * (value - monitor.filtered)
+    monitor.slow_filtered += JERK_SHARE * (monitor.filtered - monitor.slow_filtered)
     monitor.burst += share * ((value - monitor.filtered) ** 2 - monitor.burst)
     monitor.fresh = is_new(time, monitor.last_at)
+    monitor.leapt_for = max(monitor.leapt_for - 1, 0)
     if monitor.fresh:
-        take_roughness(monitor.roughness, value, not monitor.faulty)
+        possible = POSSIBLE_JERK * min(time - monitor.last_at, 0.1)
+        if abs(value - monitor.value) > possible + LEAP * sqrt(monitor.roughness.usual):
+            monitor.leapt_for = LEAP_MEMORY
+        monitor.value = value
+        take_roughness(monitor.roughness, value, not monitor.faulty, 0.0)
         if not take_repetition(monitor.repetition, value, not monitor.faulty):
             monitor.derivative_when_held = monitor.speed.derivative
         monitor.last_at = time
@@ -338,7 +364,8 @@ def judge_acceleration(monitor, settings, horizon, relative_acceleration, lead_r
         _against_lead(monitor, settings, lead_report)
     exceeded = is_exceeded(check)
     _count(monitor, settings, exceeded)
-    should_change = not usable or abs(speed.derivative - monitor.derivative_when_held) > HELD_CHANGE
+    change = max(HELD_CHANGE, HELD_STEPS * resolution_of(monitor.roughness))
+    should_change = not usable or abs(speed.derivative - monitor.derivative_when_held) > change
     frozen = (
         settings.check_repetition
         and is_frozen(monitor.repetition, should_change)
@@ -420,6 +447,12 @@ def _against_speed(monitor, settings):
         monitor.baseline = monitor.slope if monitor.slope_known > 0.0 else off
     learning = 1.0 + 2.0 * max(0.0, 1.0 - monitor.slope_known / WARM_UP)
     allowance = settings.jerk_allowance * abs(jerk) + BURST * monitor.burst**0.5
+    # A sharp manoeuvre shows every lag that is not known; the accelerometer feels it first.
+    doubt = LAG_DOUBT * LAG_PRIOR / monitor.lag_square
+    allowance += doubt * max(abs(jerk) - CALM_JERK, 0.0)
+    if not monitor.leapt_for:
+        lag = settings.jerk_allowance + doubt
+        allowance += lag * max(abs(_own_jerk(monitor)) - CALM_JERK, 0.0)
     sigma = settings.acceleration_sigma
     step, slow = off - monitor.baseline, off - monitor.slope
     step_limit = max(settings.acceleration_step_limit, sigma * deviation(monitor.step_noise))
@@ -436,6 +469,12 @@ def _against_speed(monitor, settings):
         monitor.reference = np.nan
         healthy = abs(step) < LEAST * step_limit
         _learn(monitor, settings, off, jerk, step if healthy else np.nan, slow_limit)
+
+
+@inner
+def _own_jerk(monitor):
+    """m/s^3 of the accelerometer, filtered as that of the speed."""
+    return (monitor.filtered - monitor.slow_filtered) / JERK_FILTER
 
 
 @inner

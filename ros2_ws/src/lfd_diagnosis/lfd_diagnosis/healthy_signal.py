@@ -1,6 +1,6 @@
 """What is learnt of a healthy signal: its noise, how rough it is, how long it repeats itself."""
 
-from math import log, sqrt
+from math import isfinite, log, sqrt
 
 import numpy as np
 
@@ -31,10 +31,11 @@ ROUGH_RATIO, ROUGH_SHARE = 5.0, 0.4
 WIDEST_WINDOW = 64
 """Samples that such a share is taken of at most."""
 
-CHANCE = 1e-7
-"""Probability below which a run of equal samples is no coincidence."""
+CHANCE, REMOTE = 1e-5, 1e-7
+"""Probability below which a run of equal samples is no coincidence, where the signal should have
+changed and where nothing says so."""
 
-UNCHANGED = 5.0
+UNCHANGED = 4.0
 """How many times longer a run must be while the signal had no reason to change."""
 
 ENOUGH = 100
@@ -130,6 +131,12 @@ def is_rough(roughness):
 
 
 @inner
+def resolution_of(roughness):
+    """The signal's resolution as far as known, else 0."""
+    return roughness.resolution if isfinite(roughness.resolution) else 0.0
+
+
+@inner
 def rough_share(roughness):
     """Share of the window's samples that exceed their limit."""
     return roughness.count / roughness.window
@@ -142,8 +149,9 @@ def restart_roughness(roughness):
 
 
 @inner
-def take_roughness(roughness, value, healthy):
-    """Take one sample; only healthy ones are learnt from.
+def take_roughness(roughness, value, healthy, possible):
+    """Take one sample; only healthy ones are learnt from. Second differences up to `possible`, in
+    the signal's unit, are motion.
 
     One that repeats the sample before it is smooth, and what follows is held against those before:
     a sensor that says everything twice climbs in stairs, and is no rougher for that.
@@ -163,7 +171,7 @@ def take_roughness(roughness, value, healthy):
         before[0], before[1] = before[1], value
     known = roughness.known >= 3 * roughness.window
     usual = max(roughness.usual, (STEPS * roughness.resolution) ** 2)
-    exceeds = known and square > ROUGH_RATIO * ROUGH_RATIO * usual
+    exceeds = known and square > max(ROUGH_RATIO * ROUGH_RATIO * usual, possible * possible)
     roughness.count += exceeds - roughness.recent[roughness.next]
     roughness.recent[roughness.next] = exceeds
     roughness.next = (roughness.next + 1) % roughness.window
@@ -205,8 +213,10 @@ def is_frozen(repetition, should_change):
     if repetition.samples < ENOUGH or repetition.run < repetition.least:
         return False
     share = min(max(repetition.equal / repetition.samples, 0.01), 0.99)
-    limit = max(float(2 * repetition.longest + 2), log(CHANCE) / log(share))
-    return repetition.run >= (limit if should_change else UNCHANGED * limit)
+    if should_change:
+        return repetition.run >= max(1.5 * repetition.longest + 2.0, log(CHANCE) / log(share))
+    longest = max(2.0 * repetition.longest + 2.0, log(REMOTE) / log(share))
+    return repetition.run >= UNCHANGED * longest
 
 
 @inner

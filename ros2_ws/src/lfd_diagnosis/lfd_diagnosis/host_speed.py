@@ -15,6 +15,7 @@ from lfd_diagnosis.healthy_signal import (
     is_new,
     is_rough,
     learn_noise,
+    resolution_of,
     restart_repetition,
     restart_roughness,
     rough_share,
@@ -32,9 +33,17 @@ from lfd_mpc.settings import STEP_S
 STANDING = 0.3
 """Host speed in m/s below which the car may as well stand: equal samples mean nothing."""
 
-SLOW, MISSED = 2.0, 0.5
+SLOW, MISSED_SLOW = 2.0, 0.5
 """Below so many m/s a wheel turns so quietly that equal samples mean nothing either, until the
 accelerometer has felt a change of so many m/s meanwhile."""
+
+MISSED, MISSED_STEPS, SLOPE_DOUBT = 0.15, 8.0, 0.8
+"""The same where it turns faster: m/s, or steps of the speed's resolution, and m/s^2 by which the
+slope of the road may be taken for a change after a second."""
+
+DEAD, DEAD_JUMP, DEAD_TIME = 1.2, 0.1, 1.0
+"""m/s below which many a wheel's sensor says zero, and by how much it jumps at least, from there
+and to there; its derivative begins anew, when the car has surely come to rest (s)."""
 
 JUMP = 0.5
 """Least jump in m/s between two samples that no car makes."""
@@ -68,8 +77,10 @@ HOST_SPEED = np.dtype(
         ("last_at", "f8"),
         ("rough_for", "f8"),
         ("missed", "f8"),
+        ("held_for", "f8"),
         ("filtered", "f8"),
         ("derivative", "f8"),
+        ("derivative_then", "f8"),
         ("slow_derivative", "f8"),
         ("followed", "f8"),
     ],
@@ -114,6 +125,7 @@ def lose_speed(speed):
 @inner
 def _stop_following(speed):
     speed.filtered = speed.derivative = speed.slow_derivative = np.nan
+    speed.derivative_then = np.nan
     speed.followed = 0.0
 
 
@@ -130,9 +142,22 @@ def is_moving(speed):
 
 
 @inner
-def _should_change(speed):
-    """Whether a speed that stays the same is odd."""
-    return abs(speed.last) > SLOW or (is_moving(speed) and abs(speed.missed) > MISSED)
+def _is_held(speed):
+    """Whether it stays the same though the car moves, and had reason to change."""
+    if abs(speed.last) <= SLOW:
+        odd = is_moving(speed) and abs(speed.missed) > MISSED_SLOW
+        return odd and is_frozen(speed.repetition, True)
+    missed = max(MISSED, MISSED_STEPS * resolution_of(speed.roughness))
+    missed += SLOPE_DOUBT * max(speed.held_for - 1.0, 0.0)
+    return is_frozen(speed.repetition, abs(speed.missed) > missed)
+
+
+@inner
+def _starts_or_stops(speed, value):
+    """Whether it goes to zero from a crawl, or back, by a jump."""
+    slow = abs(value) < DEAD and abs(speed.last) < DEAD
+    zero = value == 0.0 or speed.last == 0.0
+    return slow and zero and abs(value - speed.last) > DEAD_JUMP
 
 
 @inner
@@ -142,8 +167,8 @@ def jerk_of(speed):
 
 
 @inner
-def follow_speed(speed, settings, at, value, acceleration, shaken):
-    """One step: newest sample in m/s of time `at` in s, the host accelerating as stated.
+def follow_speed(speed, settings, now, at, value, acceleration, shaken):
+    """One step at `now`: newest sample in m/s of time `at` in s, the host accelerating as stated.
 
     `shaken`: the accelerometer feels a bad road.
     """
@@ -157,6 +182,9 @@ def follow_speed(speed, settings, at, value, acceleration, shaken):
         # As if the host had gone on like this for long.
         speed.slow_derivative = acceleration
         speed.filtered = value - acceleration * filter_time
+        speed.derivative_then = acceleration
+    # Between two samples it goes on as it did: steps of a slow sensor are no jerks.
+    value += speed.derivative_then * (now - at)
     speed.filtered += filter_share(filter_time) * (value - speed.filtered)
     speed.derivative = (value - speed.filtered) / filter_time
     speed.slow_derivative += JERK_SHARE * (speed.derivative - speed.slow_derivative)
@@ -166,16 +194,24 @@ def follow_speed(speed, settings, at, value, acceleration, shaken):
 @inner
 def _take(speed, settings, at, value, acceleration, shaken):
     healthy = not speed.faulty
-    take_roughness(speed.roughness, value, healthy)
+    take_roughness(speed.roughness, value, healthy, 0.0)
     equal = take_repetition(speed.repetition, value, healthy)
     period = min(at - speed.last_at, 1.0)
     speed.missed = speed.missed + acceleration * period if equal else 0.0
+    speed.held_for = speed.held_for + period if equal else 0.0
     if isfinite(speed.last):
-        _check_jump(speed, value, period, acceleration)
+        if _starts_or_stops(speed, value):
+            restart_roughness(speed.roughness)
+            _stop_following(speed)
+            if value == 0.0:
+                speed.followed = -DEAD_TIME
+        else:
+            _check_jump(speed, value, period, acceleration)
     speed.last, speed.last_at = value, at
+    speed.derivative_then = speed.derivative
     rough = is_rough(speed.roughness)
     speed.rough_for = speed.rough_for + period if rough else 0.0
-    if settings.check_repetition and is_frozen(speed.repetition, True) and _should_change(speed):
+    if settings.check_repetition and _is_held(speed):
         run = speed.repetition.run + 1
         _convict(speed, Kind.HOLD, np.nan, Ground.SPEED_HELD, value, run, 0.0)
     elif settings.check_roughness and speed.rough_for >= ROUGH_TIME and not shaken:

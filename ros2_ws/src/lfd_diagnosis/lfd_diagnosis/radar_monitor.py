@@ -12,6 +12,7 @@ from lfd_diagnosis.healthy_signal import (
     is_new,
     is_rough,
     learn_noise,
+    resolution_of,
     restart_roughness,
     rough_share,
     take_repetition,
@@ -43,7 +44,6 @@ from lfd_diagnosis.radar_signal import (
     is_bad,
     is_held,
     least_limit,
-    resolution_of,
     restart_signal,
     start_signal,
 )
@@ -100,8 +100,13 @@ HELD_PATH, HELD_SIGMA, HELD_STEPS = 0.45, 4.0, 3.0
 """What must have been travelled while the clearance repeats itself: m, deviations of its noise, and
 steps of its resolution."""
 
-HELD_CHANGE = 0.15
-"""m/s by which the relative velocity should have changed while it repeats itself."""
+POSSIBLE_JERK = 40.0
+"""m/s^3 with which the relative velocity may bend: cars brake hard all of a sudden."""
+
+HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 0.4, 3.0
+"""What tells that a relative velocity which repeats itself should have changed: m/s, and steps of
+its resolution, by host and lead, and m/s^2 of doubt about the lead after a second; or deviations of
+the clearance's noise by which that leaves the path, filtered by a share."""
 
 CLEARANCE_STD, VELOCITY_STD = 0.22, 0.3
 """How well a track is known, in m and m/s, that a contradiction was explained with."""
@@ -140,6 +145,10 @@ RADAR = np.dtype(
         ("travelled_while_held", "f8"),
         ("lead_when_held", "f8"),
         ("changed_while_held", "f8"),
+        ("most_changed", "f8"),
+        ("held_since", "f8"),
+        ("clearance_when_held", "f8"),
+        ("off_while_held", "f8"),
         ("lost", "?"),
         ("lost_since", "f8"),
     ],
@@ -174,7 +183,8 @@ def _start_target(radar, settings):
     radar.remembered_count = 0
     radar.slow_acceleration = settings.lead_acceleration_mean
     radar.host = radar.travelled_while_held = 0.0
-    radar.lead_when_held = radar.changed_while_held = 0.0
+    radar.lead_when_held = radar.changed_while_held = radar.most_changed = 0.0
+    radar.clearance_when_held = radar.off_while_held = 0.0
     clear_path(radar.path)
     restart_signal(radar.clearance)
     restart_signal(radar.velocity)
@@ -298,11 +308,7 @@ def _scan(radar, settings, track_id):
         radar.travelled_while_held += radar.track.velocity * period
     else:
         radar.travelled_while_held = 0.0
-    if same_velocity and radar.has_track:
-        period = velocity.at - radar.velocity.last_at
-        radar.changed_while_held += (radar.lead_when_held - radar.host) * period
-    else:
-        radar.lead_when_held, radar.changed_while_held = radar.slow_acceleration, 0.0
+    _follow_held_velocity(radar, same_velocity)
     if not radar.has_track:
         if whole:
             _begin(radar, settings, track_id)
@@ -316,6 +322,29 @@ def _scan(radar, settings, track_id):
         radar.clearance.last, radar.clearance.last_at = clearance.value, clearance.at
     if velocity.new:
         radar.velocity.last, radar.velocity.last_at = velocity.value, velocity.at
+
+
+@inner
+def _follow_held_velocity(radar, same):
+    """What a relative velocity that repeats itself leaves unsaid: by what was expected of it, host
+    and lead going on as they did, and by the clearance."""
+    clearance, velocity, track = radar.measured_clearance, radar.measured_velocity, radar.track
+    if not (same and radar.has_track):
+        radar.lead_when_held = radar.slow_acceleration
+        expected = track.velocity - velocity.age * (track.acceleration - radar.host)
+        radar.changed_while_held = expected - velocity.value
+        radar.most_changed = abs(radar.changed_while_held)
+        radar.held_since = velocity.at
+        radar.clearance_when_held = track.clearance - velocity.age * track.velocity
+        radar.off_while_held = 0.0
+        return
+    period = velocity.at - radar.velocity.last_at
+    radar.changed_while_held += (radar.lead_when_held - radar.host) * period
+    radar.most_changed = max(radar.most_changed, abs(radar.changed_while_held))
+    radar.clearance_when_held += velocity.value * period
+    if clearance.new:
+        off = clearance.value - radar.clearance_when_held
+        radar.off_while_held += HELD_SHARE * (off - radar.off_while_held)
 
 
 @inner
@@ -454,7 +483,9 @@ def _judge_signal(radar, settings, signal, measured, of_clearance):
     if not measured.new:
         return
     healthy = not is_radar_faulty(radar) and not is_bad(signal)
-    take_roughness(signal.roughness, measured.value, healthy)
+    period = measured.at - signal.last_at
+    possible = 0.0 if of_clearance else POSSIBLE_JERK * period * period
+    take_roughness(signal.roughness, measured.value, healthy, possible)
     count_scan(signal, settings.scan_confidence_max)
     if signal.faulty:
         classify(signal)
@@ -492,7 +523,9 @@ def _judge(radar, settings, repeated):
     good_velocity = not velocity.faulty and not is_bad(velocity)
     if (good_clearance or not has_clearance) and (good_velocity or not has_velocity):
         if has_clearance:
-            learn_noise(clearance.noise, clearance.residual, clearance_variance)
+            # What it lies beside the track for good is no noise: that would widen the limits and
+            # leave the track to the relative velocity alone, which takes it further away.
+            learn_noise(clearance.noise, clearance.residual - clearance.bias, clearance_variance)
         if has_velocity:
             learn_noise(velocity.noise, velocity.residual, velocity_variance)
     if has_clearance and good_clearance:
@@ -553,7 +586,11 @@ def _is_frozen(radar, signal, of_clearance):
             HELD_SIGMA * deviation(signal.noise),
             HELD_STEPS * signal.roughness.resolution,
         )
-    should_change = abs(radar.changed_while_held) > HELD_CHANGE
+    step, held_for = resolution_of(signal.roughness), signal.last_at - radar.held_since
+    change = max(HELD_CHANGE, CHANGE_STEPS * step) + LEAD_DOUBT * max(held_for - 1.0, 0.0)
+    off = HELD_OFF * deviation(radar.clearance.noise) + 0.5 * step * held_for
+    off += 0.5 * resolution_of(radar.clearance.roughness)
+    should_change = radar.most_changed > change or abs(radar.off_while_held) > off
     return radar.host_moves and is_frozen(signal.repetition, should_change)
 
 
@@ -641,7 +678,7 @@ def _follow_path(radar, settings):
         if path.count and is_new(clearance.last_at, path.then):
             # The first bad one could have been an outlier.
             follow_path(path, settings, clearance.last_at, clearance.last, velocity.last, 0.0)
-    limit = path_limit(path, settings, _widening(radar), resolution_of(clearance))
+    limit = path_limit(path, settings, _widening(radar), resolution_of(clearance.roughness))
     follow_path(
         path,
         settings,
@@ -666,7 +703,7 @@ def _look_for_another(radar, settings):
     path, at = radar.path, radar.measured_clearance.at
     clearance, velocity = radar.measured_clearance.value, radar.measured_velocity.value
     follow_path(path, settings, at, clearance, velocity, 0.0)
-    limit = path_limit(path, settings, 1.0, resolution_of(radar.clearance))
+    limit = path_limit(path, settings, 1.0, resolution_of(radar.clearance.roughness))
     if path_length(path) < settings.drift_window:
         return
     if abs(path_drift(path, settings, limit)) < 0.5 * limit:

@@ -1,6 +1,6 @@
 """One of the radar's two signals: how it stands against its prediction, and what its fault is."""
 
-from math import isfinite, isnan, sqrt
+from math import isnan, sqrt
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from lfd_diagnosis.healthy_signal import (
     is_frozen,
     is_full,
     is_rough,
+    resolution_of,
     restart_repetition,
     restart_roughness,
     start_noise,
@@ -139,16 +140,9 @@ def size_of(signal):
 
 
 @inner
-def resolution_of(signal):
-    """Its resolution as far as known, else 0."""
-    resolution = signal.roughness.resolution
-    return resolution if isfinite(resolution) else 0.0
-
-
-@inner
 def least_limit(signal):
     """Least limit: a coarse sensor may be off by its resolution, and some noise."""
-    return max(signal.floor, STEPS * resolution_of(signal))
+    return max(signal.floor, STEPS * resolution_of(signal.roughness))
 
 
 @inner
@@ -254,7 +248,7 @@ def has_returned(signal):
         offset += at(first, i)
     offset /= first.count
     tolerance = max(TOLERANCE * abs(offset), 0.5 * signal.floor, 4.0 * deviation(signal.noise))
-    tolerance += resolution_of(signal)
+    tolerance += resolution_of(signal.roughness)
     if not is_full(recent) or tolerance >= abs(offset):
         return False
     jump, apart = _levels(recent)
