@@ -71,13 +71,13 @@ BASELINE, BASELINE_DELAY = 0.7, 30
 WARM_UP = 3.0
 """Seconds over which the limits come down from thrice to once their width."""
 
-LAG_DOUBT, CALM_JERK = 0.15, 4.0
-"""s by which the lag may differ from what is known of it before a jerk has told it, and m/s^3 up to
-which that does not matter."""
+LAG_DOUBT, CALM_JERK, LAG_MOST = 0.15, 4.0, 1.5
+"""s by which the lag may differ from what is known of it before a jerk has told it, m/s^3 up to
+which that does not matter, and m/s^2 that the accelerometer may be ahead at most."""
 
-POSSIBLE_JERK, LEAP, LEAP_MEMORY = 40.0, 3.0, 30
-"""m/s^3 that a car may reach and rough samples' rms: what goes beyond them from one sample to the
-next is a leap, for so many steps."""
+POSSIBLE_JERK, LEAST_LEAP, LEAP, LEAP_MEMORY = 40.0, 1.0, 3.0, 30
+"""m/s^3 that a car may reach, but not over more than so many m/s^2, and rough samples' rms: what
+goes beyond them from one sample to the next is a leap, for so many steps."""
 
 LARGEST_LAG = 0.3
 """Largest lag in s between accelerometer and speed that is learnt."""
@@ -331,7 +331,7 @@ def _follow_samples(monitor, settings, time, value):
     monitor.fresh = is_new(time, monitor.last_at)
     monitor.leapt_for = max(monitor.leapt_for - 1, 0)
     if monitor.fresh:
-        possible = POSSIBLE_JERK * min(time - monitor.last_at, 0.1)
+        possible = min(POSSIBLE_JERK * (time - monitor.last_at), LEAST_LEAP)
         if abs(value - monitor.value) > possible + LEAP * sqrt(monitor.roughness.usual):
             monitor.leapt_for = LEAP_MEMORY
         monitor.value = value
@@ -452,7 +452,7 @@ def _against_speed(monitor, settings):
     allowance += doubt * max(abs(jerk) - CALM_JERK, 0.0)
     if not monitor.leapt_for:
         lag = settings.jerk_allowance + doubt
-        allowance += lag * max(abs(_own_jerk(monitor)) - CALM_JERK, 0.0)
+        allowance += min(lag * max(abs(_own_jerk(monitor)) - CALM_JERK, 0.0), LAG_MOST)
     sigma = settings.acceleration_sigma
     step, slow = off - monitor.baseline, off - monitor.slope
     step_limit = max(settings.acceleration_step_limit, sigma * deviation(monitor.step_noise))

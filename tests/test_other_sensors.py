@@ -1,0 +1,123 @@
+"""Sensors as cars have them: late, slow, coarse, biased. Healthy, they raise no fault; a fault in
+them is still found."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import pytest
+
+from lfd_diagnosis.verdict import Event, State
+from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, Sample
+from lfd_replay.faults import FaultInjector, parse_faults
+from lfd_replay.generated.generate import generate_drive
+from lfd_replay.offline import OfflineGraph
+from lfd_replay.profiles import graph_settings
+
+Change = Callable[[Sample], Sample]
+
+
+def late(seconds: float) -> Change:
+    return lambda sample: replace(sample, stamp=sample.stamp + round(seconds * 1e9))
+
+
+def coarse(step: float) -> Change:
+    return lambda sample: replace(sample, value=round(sample.value / step) * step)
+
+
+def coarse_radar(step: float) -> Change:
+    return lambda sample: replace(
+        sample,
+        clearance=round(sample.clearance / step) * step,
+        relative_velocity=round(sample.relative_velocity / step) * step,
+    )
+
+
+def dead_below(speed: float) -> Change:
+    return lambda sample: replace(sample, value=0.0 if sample.value < speed else sample.value)
+
+
+def biased(speed: float) -> Change:
+    return lambda sample: replace(sample, relative_velocity=sample.relative_velocity + speed)
+
+
+def changed(samples: Sequence[Sample], name: str, change: Change) -> list[Sample]:
+    made = [change(sample) if sample.input == name else sample for sample in samples]
+    return sorted(made, key=lambda sample: sample.stamp)
+
+
+def thinned(samples: Sequence[Sample], name: str, period: float) -> list[Sample]:
+    """One input at a longer period, in s."""
+    kept, last = [], -1e18
+    for sample in samples:
+        if sample.input == name:
+            if sample.stamp - last < (period - 0.002) * 1e9:
+                continue
+            last = sample.stamp
+        kept.append(sample)
+    return kept
+
+
+def faults(samples: Sequence[Sample]) -> list[Event]:
+    graph = OfflineGraph(graph_settings("robust"))
+    return [
+        event
+        for rows in graph.rows(samples)
+        for outcome in graph.outcomes(rows)
+        for event in outcome.events
+        if event.fault.state == State.FAULT
+    ]
+
+
+def drive(name: str) -> list[Sample]:
+    return list(generate_drive(name, 1, "esr", -8.0 if name == "braking" else None).samples)
+
+
+@pytest.mark.parametrize(
+    ("name", "of", "change"),
+    [
+        ("cut-in", HOST_SPEED, late(0.1)),
+        ("stop-and-go", HOST_SPEED, dead_below(0.5)),
+        ("stop-and-go", HOST_SPEED, dead_below(1.0)),
+        ("braking", HOST_SPEED, coarse(0.0625)),
+        ("hill", HOST_SPEED, coarse(0.2778)),
+        ("braking", ACCELERATION, coarse(0.25)),
+        ("cut-in", ACCELERATION, late(0.05)),
+        ("braking", RADAR, coarse_radar(0.2)),
+        ("hill", RADAR, coarse_radar(0.5)),
+        ("braking", RADAR, late(0.3)),
+        ("hill", RADAR, biased(0.1)),
+    ],
+)
+def test_a_healthy_sensor_is_healthy_whatever_its_habits(name: str, of: str, change) -> None:
+    assert faults(changed(drive(name), of, change)) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "of", "period"),
+    [
+        ("cut-in", HOST_SPEED, 0.1),
+        ("braking", HOST_SPEED, 0.05),
+        ("braking", RADAR, 0.1),
+        ("braking", ACCELERATION, 0.02),
+    ],
+)
+def test_a_slow_sensor_is_healthy(name: str, of: str, period: float) -> None:
+    assert faults(thinned(drive(name), of, period)) == []
+
+
+@pytest.mark.parametrize(
+    ("of", "change", "signal", "text"),
+    [
+        (RADAR, biased(0.1), "clearance", "offset:clearance=4@70-75"),
+        (RADAR, coarse_radar(0.2), "relative_velocity", "offset:relative_velocity=-5@70-75"),
+        (HOST_SPEED, late(0.1), "acceleration", "offset:acceleration=4@70-75"),
+        (HOST_SPEED, coarse(0.2778), "acceleration", "offset:acceleration=4@70-75"),
+    ],
+)
+def test_a_fault_is_found_in_such_company(of: str, change, signal: str, text: str) -> None:
+    made = generate_drive("hill", 1, "esr")
+    samples = changed(made.samples, of, change)
+    samples = FaultInjector(parse_faults([text]), made.zero, 0).apply(samples)
+    found = faults(samples)
+    assert {event.signal for event in found} - {"radar"} == {signal}
+    assert (found[0].stamp - made.zero) * 1e-9 == pytest.approx(70.2, abs=0.2)
