@@ -3,6 +3,7 @@ them is still found."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -68,8 +69,9 @@ def faults(samples: Sequence[Sample]) -> list[Event]:
     ]
 
 
-def drive(name: str) -> list[Sample]:
-    return list(generate_drive(name, 1, "esr", -8.0 if name == "braking" else None).samples)
+@cache
+def drive(name: str) -> Sequence[Sample]:
+    return generate_drive(name, 1, "esr", -8.0 if name == "braking" else None).samples
 
 
 @pytest.mark.parametrize(

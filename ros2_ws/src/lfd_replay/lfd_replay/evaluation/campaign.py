@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ from lfd_replay.evaluation.comparison import (
     count_normal,
     detector_rows,
     detectors,
+    false_on_track,
     normal_scales,
     record_normal,
 )
@@ -35,6 +37,7 @@ from lfd_replay.evaluation.fault_windows import (
     other_cells,
 )
 from lfd_replay.evaluation.normal_driving import IndexStatistics, index_statistics
+from lfd_replay.evaluation.recorded_tracks import COUNT
 from lfd_replay.evaluation.requirements.campaign import Requirements, count_runs, measure
 from lfd_replay.evaluation.requirements.plan import Extent, full_extent, plain_extent
 from lfd_replay.evaluation.trace import load_trace
@@ -72,7 +75,9 @@ class Size:
     def tasks(self) -> int:
         """Upper estimate of the number of tasks, for the progress bar."""
         cells = sum(len(self.drives_of(cell)) for cell in (None, *self.cells))
-        return 13 * (self.starts + 1) + 6 * len(self.normal) + cells + count_runs(self.extent)
+        return (
+            13 * (self.starts + 1) + 6 * len(self.normal) + cells + count_runs(self.extent) + COUNT
+        )
 
 
 def plain() -> Size:
@@ -103,7 +108,10 @@ def full() -> Size:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Everything that was found; `cases` pairs each case with its figures over all starts."""
+    """Everything that was found; `cases` pairs each case with its figures over all starts.
+
+    `on_tracks`: false events by detector and signal on every track of the recorded radar.
+    """
 
     settings: GraphSettings
     size: Size
@@ -112,6 +120,7 @@ class Evaluation:
     chosen: dict[str, dict[str, Choice]]
     rows: list[dict]
     confusion: dict[str, dict[str, dict[str, int]]]
+    on_tracks: dict[str, Counter[str]]
     requirements: Requirements
 
 
@@ -197,8 +206,24 @@ def evaluate_paper(
             for result in own
         ]
     )
+    on_tracks: dict[str, Counter[str]] = {}
+    if recorded is not None:
+        for found in run(
+            [
+                Task(
+                    f"track/{number}/{judged}",
+                    false_on_track,
+                    (number, recorded, settings, scales, plain_choice),
+                )
+                for number in range(COUNT)
+            ]
+        ).values():
+            for label, events in found.items():
+                on_tracks.setdefault(label, Counter()).update(events)
     requirements = measure(size.extent, recorded, run)
-    return Evaluation(settings, size, summarised, normal, chosen, rows, matrix, requirements)
+    return Evaluation(
+        settings, size, summarised, normal, chosen, rows, matrix, on_tracks, requirements
+    )
 
 
 def _choose(

@@ -1,6 +1,7 @@
 """Detectors side by side on the same faults: normal drives to set them, windows to compare them."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_diagnosis.verdict import State
+from lfd_mpc.sampling import Sample
 from lfd_mpc.settings import STEP_S
 from lfd_replay.evaluation.cases import load_drive
 from lfd_replay.evaluation.cusum import Cusum, residuals
@@ -23,12 +25,13 @@ from lfd_replay.evaluation.detectors import (
 from lfd_replay.evaluation.fault_windows import LENGTH, WARM_UP, Cell
 from lfd_replay.evaluation.kalman import KalmanGate, LeadModel
 from lfd_replay.evaluation.normal_driving import following
+from lfd_replay.evaluation.recorded_tracks import track_drive
 from lfd_replay.evaluation.statistics import median, rate
 from lfd_replay.evaluation.trace import JUDGED, Trace, load_trace
 from lfd_replay.evaluation.variants import trace_variants, variants
 from lfd_replay.faults import Fault, FaultInjector, truth_windows
 from lfd_replay.profiles import GraphSettings, graph_settings
-from lfd_replay.score import find_windows, inside
+from lfd_replay.score import find_windows, inside, intervals
 
 Array = NDArray[np.float64]
 
@@ -147,24 +150,55 @@ def compare_on(
     else:
         starts = [fault.start * 1e-9 for fault in faults]
     samples = FaultInjector(faults, drive.zero, seed).apply(drive.samples)
+    seen = _flags_of_all(samples, drive.zero, cell, settings, scales, chosen, with_variants)
+    return {
+        label: _judge(trace, flags, cell, faults, starts) for label, (trace, flags) in seen.items()
+    }
+
+
+def false_on_track(
+    number: int,
+    recorded: Path,
+    settings: GraphSettings,
+    scales: NormalScales,
+    chosen: dict[str, dict[str, dict[str, float]]],
+) -> dict[str, dict[str, int]]:
+    """False events of every detector by signal on one track of the recorded radar."""
+    drive = track_drive(recorded, number)
+    seen = _flags_of_all(drive.samples, drive.zero, None, settings, scales, chosen, False)
+    return {
+        label: {s: len(intervals(trace.stamps, flags[s])) for s in JUDGED}
+        for label, (trace, flags) in seen.items()
+    }
+
+
+def _flags_of_all(
+    samples: Sequence[Sample],
+    zero: int,
+    cell: Cell | None,
+    settings: GraphSettings,
+    scales: NormalScales,
+    chosen: dict[str, dict[str, dict[str, float]]],
+    with_variants: bool,
+) -> dict[str, tuple[Trace, dict[str, NDArray[np.bool_]]]]:
+    """By detector and setting: its trace, and when it flags each signal."""
     compared = detectors(settings, scales, with_variants)
     needed = {detector.variant for detector in compared}
     chosen_variants = {k: v for k, v in variants(settings).items() if k in needed}
     chosen_variants[ROBUST] = graph_settings("robust")
-    traces = trace_variants(chosen_variants, samples, drive.zero)
-    result = {}
+    traces = trace_variants(chosen_variants, samples, zero)
+    seen = {}
     for detector in compared:
         trace = traces[detector.variant]
         scores = detector.scores(trace)
         for label, by_signal in chosen[detector.name].items():
             flags = {s: detector.flags(s, scores[s], by_signal[s]) for s in JUDGED}
-            result[label] = _judge(trace, flags, cell, faults, starts)
+            seen[label] = trace, flags
     # A sensor that says nothing is reported as such; everything else is reported as a fault.
     said = [State.FAULT, *([State.NO_DATA] if cell and cell.kind == "dropout" else [])]
     for label, trace in ((AS_PUBLISHED, traces[PUBLISHED]), (ROBUST, traces[ROBUST])):
-        flags = {signal: np.isin(trace.state(signal), said) for signal in JUDGED}
-        result[label] = _judge(trace, flags, cell, faults, starts)
-    return result
+        seen[label] = trace, {s: np.isin(trace.state(s), said) for s in JUDGED}
+    return seen
 
 
 def _judge(
