@@ -112,8 +112,10 @@ def test_an_answer_above_the_residual_limit_is_solved_again_exactly(model) -> No
     np.testing.assert_allclose(solution.u, exact(model, f), atol=1e-9)
 
 
-def test_an_unsolvable_problem_says_so_instead_of_raising(model) -> None:
-    solution = make_qp(model, "proxqp").solve(np.full(N, np.nan))
+@pytest.mark.parametrize("solver", available_solvers())
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_an_unsolvable_problem_says_so_instead_of_raising(model, solver: str, value) -> None:
+    solution = make_qp(model, solver).solve(np.full(N, value))
     assert solution.u is None and np.isnan(solution.residual)
     assert solution.status == "no solution found"
 

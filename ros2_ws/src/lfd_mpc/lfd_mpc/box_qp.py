@@ -229,6 +229,9 @@ class BoxQp:
 
     def solve(self, f: Array) -> BoxSolution:
         """Solve for `f` (N,); never raises: a failure has `u` None and says why."""
+        if not np.isfinite(f).all():
+            # proxqp would try for most of a minute.
+            return BoxSolution(None, NOT_FOUND, float("nan"), False)
         u: Array | None = np.empty(len(f))
         if self._solve is None:
             residual = solve_box_entry(self.problem, f, u)
