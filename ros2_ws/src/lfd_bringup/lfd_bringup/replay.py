@@ -116,7 +116,6 @@ def main_replay(arguments: list[str]) -> int:
         fault_texts = [DEFAULT_FAULT]
     faults = parse_faults(fault_texts)
     playing = play_options(options)
-    make_folder(options.out)
     console = Console(soft_wrap=True)
     start_ros(arguments)
     executor = make_executor()
@@ -135,6 +134,7 @@ def main_replay(arguments: list[str]) -> int:
         if not samples:
             raise UserError(f"{path}: no sample between --start and --start + --duration")
 
+        make_folder(options.out)
         console.print(f"replay of {drive.name}: {drive.duration:.1f} s, profile {options.profile}")
         for fault in faults:
             console.print(f"  injected: {fault.text}", markup=False, highlight=False)
