@@ -87,7 +87,7 @@ def test_matrices_are_read_only(model) -> None:
 @pytest.mark.parametrize("solver", available_solvers())
 @pytest.mark.filterwarnings("ignore")
 def test_each_solver_agrees_with_the_active_set_solver(model, solver: str) -> None:
-    count = 5000 if solver == "proxqp" else 400
+    count = 5000 if solver == "proxqp" else 1000
     qp = make_qp(model, solver)
     for f in linear_terms(model, count, seed=3):
         solution = qp.solve(f)

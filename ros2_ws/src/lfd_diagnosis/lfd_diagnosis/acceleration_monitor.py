@@ -22,6 +22,7 @@ from lfd_diagnosis.evidence import (
 )
 from lfd_diagnosis.healthy_signal import (
     LEARNT_NOISE,
+    POSSIBLE_JERK,
     REPETITION,
     RING,
     ROUGHNESS,
@@ -49,12 +50,12 @@ from lfd_diagnosis.healthy_signal import (
 )
 from lfd_diagnosis.host_speed import (
     HOST_SPEED,
-    JERK_FILTER,
     JERK_SHARE,
     ROUGH_TIME,
     follow_speed,
     is_moving,
     is_usable,
+    jerk_between,
     jerk_of,
     lose_speed,
     restart_speed,
@@ -75,9 +76,9 @@ LAG_DOUBT, CALM_JERK, LAG_MOST = 0.15, 4.0, 1.5
 """s by which the lag may differ from what is known of it before a jerk has told it, m/s^3 up to
 which that does not matter, and m/s^2 that the accelerometer may be ahead at most."""
 
-POSSIBLE_JERK, LEAST_LEAP, LEAP, LEAP_MEMORY = 40.0, 1.0, 3.0, 30
-"""m/s^3 that a car may reach, but not over more than so many m/s^2, and rough samples' rms: what
-goes beyond them from one sample to the next is a leap, for so many steps."""
+LARGEST_STEP, LEAP, LEAP_MEMORY = 1.0, 3.0, 30
+"""m/s^2 by which a possible jerk moves the accelerometer at most from one sample to the next, and
+roughness beyond that: what exceeds them is a leap, for so many steps."""
 
 LARGEST_LAG = 0.3
 """Largest lag in s between accelerometer and speed that is learnt."""
@@ -183,7 +184,6 @@ ACCELERATION = np.dtype(
         ("new_samples", "i8"),
         ("filtered", "f8"),
         ("slow_filtered", "f8"),
-        ("value", "f8"),
         ("leapt_for", "i8"),
         ("burst", "f8"),
         ("before_jump", RING),
@@ -237,8 +237,7 @@ def restart_acceleration(monitor):
     monitor.last_at = -np.inf
     monitor.fresh, monitor.new_samples = False, 0
     monitor.filtered, monitor.burst = np.nan, 0.0
-    monitor.slow_filtered = monitor.value = np.nan
-    monitor.leapt_for = 0
+    monitor.slow_filtered, monitor.leapt_for = np.nan, 0
     start_ring(monitor.before_jump, BEFORE_JUMP)
     start_ring(monitor.samples, SAMPLES)
     monitor.lead = monitor.lead_slow = np.nan
@@ -324,17 +323,16 @@ def follow_acceleration(monitor, settings, horizon):
 def _follow_samples(monitor, settings, time, value):
     share = filter_share(settings.host_speed_filter_time)
     if isnan(monitor.filtered):
-        monitor.filtered = monitor.slow_filtered = monitor.value = value
+        monitor.filtered = monitor.slow_filtered = value
     monitor.filtered += share * (value - monitor.filtered)
     monitor.slow_filtered += JERK_SHARE * (monitor.filtered - monitor.slow_filtered)
     monitor.burst += share * ((value - monitor.filtered) ** 2 - monitor.burst)
     monitor.fresh = is_new(time, monitor.last_at)
     monitor.leapt_for = max(monitor.leapt_for - 1, 0)
     if monitor.fresh:
-        possible = min(POSSIBLE_JERK * (time - monitor.last_at), LEAST_LEAP)
-        if abs(value - monitor.value) > possible + LEAP * sqrt(monitor.roughness.usual):
+        possible = min(POSSIBLE_JERK * (time - monitor.last_at), LARGEST_STEP)
+        if abs(value - monitor.repetition.value) > possible + LEAP * sqrt(monitor.roughness.usual):
             monitor.leapt_for = LEAP_MEMORY
-        monitor.value = value
         take_roughness(monitor.roughness, value, not monitor.faulty, 0.0)
         if not take_repetition(monitor.repetition, value, not monitor.faulty):
             monitor.derivative_when_held = monitor.speed.derivative
@@ -451,8 +449,11 @@ def _against_speed(monitor, settings):
     doubt = LAG_DOUBT * LAG_PRIOR / monitor.lag_square
     allowance += doubt * max(abs(jerk) - CALM_JERK, 0.0)
     if not monitor.leapt_for:
-        lag = settings.jerk_allowance + doubt
-        allowance += min(lag * max(abs(_own_jerk(monitor)) - CALM_JERK, 0.0), LAG_MOST)
+        lag, own = (
+            settings.jerk_allowance + doubt,
+            jerk_between(monitor.filtered, monitor.slow_filtered),
+        )
+        allowance += min(lag * max(abs(own) - CALM_JERK, 0.0), LAG_MOST)
     sigma = settings.acceleration_sigma
     step, slow = off - monitor.baseline, off - monitor.slope
     step_limit = max(settings.acceleration_step_limit, sigma * deviation(monitor.step_noise))
@@ -469,12 +470,6 @@ def _against_speed(monitor, settings):
         monitor.reference = np.nan
         healthy = abs(step) < LEAST * step_limit
         _learn(monitor, settings, off, jerk, step if healthy else np.nan, slow_limit)
-
-
-@inner
-def _own_jerk(monitor):
-    """m/s^3 of the accelerometer, filtered as that of the speed."""
-    return (monitor.filtered - monitor.slow_filtered) / JERK_FILTER
 
 
 @inner

@@ -42,6 +42,10 @@ ENOUGH = 100
 """Samples that must be known before a run is called too long."""
 
 
+POSSIBLE_JERK = 40.0
+"""m/s^3 that a car may reach: cars brake hard all of a sudden."""
+
+
 @inner
 def is_new(at, last_at):
     """Whether a sample of time `at` (s) is another one than that of `last_at`."""

@@ -161,9 +161,15 @@ def _starts_or_stops(speed, value):
 
 
 @inner
+def jerk_between(acceleration, slow):
+    """m/s^3, from an acceleration and the same through one more filter (`JERK_SHARE`)."""
+    return (acceleration - slow) / JERK_FILTER
+
+
+@inner
 def jerk_of(speed):
     """m/s^3, filtered."""
-    return (speed.derivative - speed.slow_derivative) / JERK_FILTER
+    return jerk_between(speed.derivative, speed.slow_derivative)
 
 
 @inner

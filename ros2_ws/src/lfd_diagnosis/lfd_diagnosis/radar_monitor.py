@@ -6,6 +6,7 @@ import numpy as np
 
 from lfd_diagnosis.evidence import Ground, give_ground
 from lfd_diagnosis.healthy_signal import (
+    POSSIBLE_JERK,
     at,
     deviation,
     is_frozen,
@@ -93,15 +94,9 @@ GRADUAL, GROWN = 0.6, 0.75
 """Share of its limit that a residual has before a fault that came on gradually; share of the
 present residual that the first bad one is where it still grows."""
 
-LARGEST_SHIFT = 2.0
-"""How far apart in m a radar may see two parts of one car."""
-
 HELD_PATH, HELD_SIGMA, HELD_STEPS = 0.45, 4.0, 3.0
 """What must have been travelled while the clearance repeats itself: m, deviations of its noise, and
 steps of its resolution."""
-
-POSSIBLE_JERK = 40.0
-"""m/s^3 with which the relative velocity may bend: cars brake hard all of a sudden."""
 
 HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 0.4, 3.0
 """What tells that a relative velocity which repeats itself should have changed: m/s, and steps of
@@ -580,8 +575,8 @@ def _take_bias(radar, of_clearance):
 @inner
 def _is_frozen(radar, signal, of_clearance):
     """A value repeated for too long, or while the relative velocity says that it changed."""
-    if of_clearance and is_held(signal):
-        return abs(radar.travelled_while_held) > max(
+    if of_clearance:
+        return is_held(signal) and abs(radar.travelled_while_held) > max(
             HELD_PATH,
             HELD_SIGMA * deviation(signal.noise),
             HELD_STEPS * signal.roughness.resolution,
@@ -718,8 +713,12 @@ def _explain(radar, settings, difference, limit):
     clearance, velocity = radar.clearance, radar.velocity
     held = is_held(clearance) and abs(radar.travelled_while_held) > 0.5 * abs(difference)
     explain_drift(path, abs(difference) / limit, held, drift)
-    if drift.shift != 0.0:
-        _take_shift(radar, settings, difference, limit)
+    if drift.shifted:
+        # Another part of the same car: the track goes on from there.
+        set_clearance(track, path.clearance, CLEARANCE_STD**2)
+        acquit(clearance)
+        clearance.bias = 0.0
+        clear_path(path)
         return
     if not drift.told:
         return
@@ -735,20 +734,3 @@ def _explain(radar, settings, difference, limit):
     velocity.residual = drift.error
     give_ground(velocity.because, Ground.PATH, difference, limit, 0.0)
     _convict(radar, settings, velocity, drift.kind)
-
-
-@inner
-def _take_shift(radar, settings, difference, limit):
-    """The clearance went over to another level: another part of the car, or too far for that."""
-    path, track, clearance = radar.path, radar.track, radar.clearance
-    shift = radar.drift.shift
-    if abs(shift) <= LARGEST_SHIFT:
-        set_clearance(track, path.clearance, CLEARANCE_STD**2)
-        acquit(clearance)
-        clearance.bias = 0.0
-        clear_path(path)
-        return
-    set_clearance(track, path.clearance - shift, CLEARANCE_STD**2)
-    clearance.residual = shift
-    give_ground(clearance.because, Ground.PATH, difference, limit, 0.0)
-    _convict(radar, settings, clearance, Kind.OFFSET)

@@ -28,6 +28,9 @@ SHIFT_TIME, SHIFT_DOUBT, SHIFT_POINTS = 0.4, 0.5, 3
 """Seconds in which a radar goes over to another part of the same car, the ratio of errors below
 which that explains a difference, and points that are needed on either side."""
 
+LARGEST_SHIFT = 2.0
+"""How far apart in m a radar may see two parts of one car."""
+
 SUDDEN, SUDDEN_SHARE = 0.5, 0.7
 """Seconds in which no drift goes such a share of the way to its limit."""
 
@@ -60,11 +63,11 @@ TRAVELLED_PATH = np.dtype(
 """
 
 DRIFT = np.dtype(
-    [("told", "?"), ("of_clearance", "?"), ("kind", "i8"), ("error", "f8"), ("shift", "f8")],
+    [("told", "?"), ("of_clearance", "?"), ("kind", "i8"), ("error", "f8"), ("shifted", "?")],
     align=True,
 )
 """Who is wrong: the clearance, or else the relative velocity; by how much in its unit. Not `told`
-while that is in doubt. `shift` in m where the clearance only went over to another level, else 0."""
+while that is in doubt. `shifted`: nobody is, the radar sees another part of the car."""
 
 
 @inner
@@ -234,7 +237,8 @@ def explain_drift(path, excess, held, drift):
     A clearance that drifts leaves the path in a straight line; a relative velocity that drifts
     bends it; a step of the velocity, too small for its own limits, leaves a straight line, but
     was seen as a step. A clearance that went over to another level at once is a radar that sees
-    another part of the car. `excess`: drift over its limit; `held`: the clearance repeats itself.
+    another part of the car, unless no car is that long. `excess`: drift over its limit; `held`: the
+    clearance repeats itself.
     """
     n = path.count
     times, off, steps = np.empty(n), np.empty(n), np.empty(n)
@@ -245,14 +249,17 @@ def explain_drift(path, excess, held, drift):
         off[i], steps[i] = path.points[k, 1], path.points[k, 2]
     line_error, line_onset, line_base, line_slope = _fit(times, off, 1)
     bend_error, bend_onset, _, bend_slope = _fit(times, off, 2)
-    drift.told, drift.shift = False, 0.0
+    drift.told = drift.shifted = False
     if held:
         _tell(drift, True, Kind.HOLD, off[n - 1] - line_base)
         return
     better, worse = min(line_error, bend_error), max(line_error, bend_error)
     shift_error, shift = _fit_shift(times, off)
     if shift_error < SHIFT_DOUBT * better:
-        drift.shift = shift
+        if abs(shift) <= LARGEST_SHIFT:
+            drift.shifted = True
+        else:
+            _tell(drift, True, Kind.OFFSET, shift)
         return
     if _is_sudden(times, off):
         return

@@ -9,6 +9,9 @@ from lfd_mpc.sampling import RADAR, RadarSample, Sample
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
 
+TRACK = "track "
+"""A track of the recorded radar by itself; its number follows."""
+
 COUNT = 33
 """Tracks of the recorded radar that are long enough."""
 
@@ -57,4 +60,4 @@ def track_drive(folder: Path, number: int) -> Drive:
     first, last = track[0].stamp, track[-1].stamp
     host = [s for s in load_drive(RECORDED, folder).samples if s.input != RADAR]
     samples: list[Sample] = [*(s for s in host if first <= s.stamp <= last), *track]
-    return Drive(f"track {number}", sorted(samples, key=lambda sample: sample.stamp))
+    return Drive(f"{TRACK}{number}", sorted(samples, key=lambda sample: sample.stamp))

@@ -6,12 +6,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from lfd_replay.evaluation.recorded_tracks import COUNT
+from lfd_replay.evaluation.recorded_tracks import COUNT, TRACK
 from lfd_replay.evaluation.requirements import judge as judges
 from lfd_replay.evaluation.requirements import plan
 from lfd_replay.evaluation.requirements.judge import Finding, Judge, kinds_confusion
 from lfd_replay.evaluation.requirements.plan import Extent
-from lfd_replay.evaluation.requirements.windows import NEAREST, TRACK, Run, run_windows
+from lfd_replay.evaluation.requirements.windows import NEAREST, Run, run_windows
 from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.journal import Task
 

@@ -11,7 +11,7 @@ from lfd_diagnosis.verdict import State
 from lfd_mpc.sampling import HOST_SPEED, LEAD_ACCELERATION, Sample, ScalarSample
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
-from lfd_replay.evaluation.recorded_tracks import track_drive
+from lfd_replay.evaluation.recorded_tracks import TRACK, track_drive
 from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.generated.generate import drive_truth, generate_drive
@@ -21,9 +21,6 @@ from lfd_replay.profiles import PROFILES, GraphSettings, graph_settings
 from lfd_replay.read_drive import ReadOptions
 
 Array = NDArray[np.float64]
-
-TRACK = "track "
-"""A track of the recorded radar by itself; its number follows."""
 
 NEAREST = "nearest in path"
 """The recorded drive's nearest target in path: its track ids change with every swap."""
