@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import time
+from importlib.util import cache_from_source
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,12 @@ def test_nothing_is_left_to_compile_for_the_first_start_of_a_node() -> None:
     counts = dict(line.split() for line in kept.splitlines())
     assert {"take_clock", "next_inputs", "take_sample"} <= set(counts)
     assert [name for name, count in counts.items() if count == "0"] == []
+
+
+def test_setup_leaves_bytecode_where_a_start_may_not_write_it() -> None:
+    modules = sorted(Path("ros2_ws/src").glob("lfd_*/lfd_*/**/*.py"))
+    assert len(modules) > 100
+    assert [m for m in modules if not Path(cache_from_source(str(m))).is_file()] == []
 
 
 def test_rows_carry_the_horizons() -> None:

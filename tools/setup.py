@@ -184,6 +184,9 @@ def compile_algorithm() -> None:
     file, digest = stamp("compiled", parts)
     if not needed(file, digest):
         return
+    # Nodes may be started where no bytecode can be kept: by another user, in a read-only image.
+    folders = [*(WORKSPACE / "src").glob("lfd_*/lfd_*"), WORKSPACE / "install" / "lfd_msgs"]
+    run("compile", "see the lines above", [PYTHON, "-m", "compileall", "-q", *folders])
     environment = {**os.environ}
     if ROS_PREFIX is None:
         environment["AMENT_PREFIX_PATH"] = str(VENV)

@@ -24,7 +24,7 @@ setup(
     entry_points={
         "console_scripts": [
             "compile_all = lfd_bringup.compile_all:main",
-            "replay = lfd_bringup.replay:main",
+            "replay = lfd_bringup.join_and_replay:main",
             "simulate = lfd_bringup.simulate:main",
         ]
     },

@@ -8,7 +8,6 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-import rclpy
 from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
@@ -20,13 +19,12 @@ from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.verdict import Event, State
 from lfd_mpc.errors import UserError
 from lfd_mpc.mpc_node import MpcNode
-from lfd_mpc.node_support import make_executor, start_ros
+from lfd_mpc.node_support import make_executor
 from lfd_observer.observer_node import ObserverNode
 from lfd_replay.bag_player import add_play_options, play, play_options
 from lfd_replay.command_line import add_drive_options, print_table, result_table, warn
 from lfd_replay.drive import Drive
 from lfd_replay.drive_bag import replace_folder, write_drive
-from lfd_replay.errors import run_command
 from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.lockstep import LockstepError
 from lfd_replay.paths import share_folder
@@ -94,8 +92,8 @@ def make_folder(out: Path) -> None:
         raise UserError(f"--out {out}: cannot be made ({error.strerror})") from error
 
 
-def main_replay(arguments: list[str]) -> int:
-    """The command line of `replay`."""
+def main_replay(arguments: list[str], joined: float) -> int:
+    """The command line of `replay`; `joined`: `time.monotonic()` at which ROS was joined."""
     parser = argparse.ArgumentParser(prog="replay", description=__doc__)
     parser.add_argument("--drive", default="", help="CSV file or bag (default: a generated drive)")
     add_play_options(parser)
@@ -117,16 +115,9 @@ def main_replay(arguments: list[str]) -> int:
     faults = parse_faults(fault_texts)
     playing = play_options(options)
     console = Console(soft_wrap=True)
-    start_ros(arguments)
     executor = make_executor()
     nodes: list[Node] = []
     try:
-        # The first node looks around in the domain while the drive is read.
-        recorder = RecorderNode(
-            lambda event: console.print(event_line(event, drive.zero), highlight=False)
-        )
-        joined = time.monotonic()
-        nodes.append(recorder)
         drive = read_drive(path, read_options(options))
         playing.check(drive)
         warn(drive, faults)
@@ -138,8 +129,11 @@ def main_replay(arguments: list[str]) -> int:
         console.print(f"replay of {drive.name}: {drive.duration:.1f} s, profile {options.profile}")
         for fault in faults:
             console.print(f"  injected: {fault.text}", markup=False, highlight=False)
+        recorder = RecorderNode(
+            lambda event: console.print(event_line(event, drive.zero), highlight=False)
+        )
         player = PlayerNode(samples, playing, [*GRAPH_NODES, "recorder"], joined=joined)
-        nodes += [*graph_nodes(options.profile), player]
+        nodes += [recorder, *graph_nodes(options.profile), player]
         for node in nodes:
             executor.add_node(node)
         started = time.monotonic()
@@ -156,7 +150,6 @@ def main_replay(arguments: list[str]) -> int:
         executor.shutdown()
         for node in nodes:
             node.destroy_node()
-        rclpy.try_shutdown()
     return 0 if ended else INTERRUPTED
 
 
@@ -212,8 +205,3 @@ def _leave(
     report = write_report(out, drive.name, steps, drive.zero, faults, sensors)
     print_table(result_table(sensors, f"{len(steps)} steps"))
     console.print(f"bag: {out / 'bag'}   report: {report}", highlight=False)
-
-
-def main() -> int:
-    """Entry point of `lfd_bringup replay`."""
-    return run_command(main_replay)
