@@ -6,12 +6,14 @@ and publishes messages of the same types and lengths, filled once.
 
 import sys
 from array import array
+from functools import partial
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu
 
-from lfd_mpc.node_support import PIPELINE_QOS, run_node
+from lfd_mpc.node_process import run_node
+from lfd_mpc.node_support import PIPELINE_QOS
 from lfd_msgs.msg import FaultReport, ObserverBank, PredictionHorizon
 
 HOPS = {
@@ -42,4 +44,4 @@ class FloorNode(Node):
 
 if __name__ == "__main__":
     name = sys.argv.pop(1)
-    sys.exit(run_node(lambda: FloorNode(name)))
+    sys.exit(run_node(lambda: partial(FloorNode, name)))

@@ -13,7 +13,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu
 
 from lfd_mpc.messages import to_time
-from lfd_mpc.node_support import PIPELINE_QOS, make_executor
+from lfd_mpc.node_process import make_executor
+from lfd_mpc.node_support import PIPELINE_QOS
 from lfd_msgs.msg import FaultReport, RadarTarget
 
 HERE = Path(__file__).parent

@@ -16,7 +16,7 @@ from lfd_diagnosis.verdict import Event, Reconstruction, Report
 from lfd_mpc.horizon import Horizon
 from lfd_mpc.messages import from_message
 from lfd_mpc.mpc_node import MpcNode
-from lfd_mpc.node_support import make_executor
+from lfd_mpc.node_process import make_executor
 from lfd_observer.bank import BankState
 from lfd_observer.observer_node import ObserverNode
 from lfd_replay.offline import OfflineGraph

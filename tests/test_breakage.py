@@ -223,10 +223,7 @@ def test_a_killed_node_is_noticed_and_its_successor_takes_over(capfd) -> None:
         )
         assert max(silent) <= 0.2
         assert max(told) <= 1.0
-        # Discovery takes up to a second by chance: three kills have no median to speak of.
-        assert max(since_ready) <= 2.5
-        if SOAK:
-            assert np.median(since_ready) <= 1.0
+        assert max(since_ready) <= 1.0
         assert reports.faults() == []
 
 

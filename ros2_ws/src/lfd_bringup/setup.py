@@ -24,7 +24,7 @@ setup(
     entry_points={
         "console_scripts": [
             "compile_all = lfd_bringup.compile_all:main",
-            "replay = lfd_bringup.join_and_replay:main",
+            "replay = lfd_bringup.executables:replay",
             "simulate = lfd_bringup.simulate:main",
         ]
     },

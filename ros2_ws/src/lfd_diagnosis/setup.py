@@ -16,8 +16,8 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "decision_node = lfd_diagnosis.decision_node:main",
-            "diagnosis_node = lfd_diagnosis.diagnosis_node:main",
+            "decision_node = lfd_diagnosis.executables:decision_node",
+            "diagnosis_node = lfd_diagnosis.executables:diagnosis_node",
         ]
     },
 )

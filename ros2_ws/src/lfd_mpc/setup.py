@@ -14,5 +14,5 @@ setup(
     maintainer_email="lfd@example.com",
     description="The 100 Hz model predictive controller: samples in, prediction horizons out.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["mpc_node = lfd_mpc.mpc_node:main"]},
+    entry_points={"console_scripts": ["mpc_node = lfd_mpc.executables:mpc_node"]},
 )

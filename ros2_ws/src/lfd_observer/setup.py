@@ -14,5 +14,5 @@ setup(
     maintainer_email="lfd@example.com",
     description="Sliding mode observers: prediction horizons in, acceleration limits out.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["observer_node = lfd_observer.observer_node:main"]},
+    entry_points={"console_scripts": ["observer_node = lfd_observer.executables:observer_node"]},
 )

@@ -29,7 +29,7 @@ from lfd_bringup.replay import (
 )
 from lfd_diagnosis.decision_node import DecisionNode
 from lfd_mpc.errors import UserError
-from lfd_mpc.node_support import make_executor, start_ros
+from lfd_mpc.node_process import make_executor, start_ros
 from lfd_replay.command_line import print_table, result_table
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults

@@ -1,7 +1,5 @@
 """decision_node: fault reports and reconstructed signals in; fault level and action out."""
 
-import sys
-
 from rclpy.context import Context
 from rclpy.node import Node
 
@@ -18,7 +16,6 @@ from lfd_mpc.node_support import (
     HealthPublisher,
     ReadyAnnouncer,
     declare_settings,
-    run_node,
 )
 from lfd_msgs.msg import Decision, FaultReport, ReconstructedState
 
@@ -104,12 +101,3 @@ def _nothing(stamp: int) -> Reconstruction:
     return Reconstruction(
         stamp, 0, False, none, none, False, none, none, False, none, False, none, none, "no data"
     )
-
-
-def main() -> int:
-    """Entry point of `lfd_diagnosis decision_node`."""
-    return run_node(DecisionNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

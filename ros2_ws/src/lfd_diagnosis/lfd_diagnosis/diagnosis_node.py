@@ -1,6 +1,5 @@
 """diagnosis_node: horizons and banks in; faults, events and reconstructed signals out."""
 
-import sys
 import time
 
 from rcl_interfaces.msg import ParameterDescriptor
@@ -28,7 +27,6 @@ from lfd_mpc.node_support import (
     HealthPublisher,
     ReadyAnnouncer,
     declare_settings,
-    run_node,
 )
 from lfd_mpc.qos_events import telling
 from lfd_msgs.msg import (
@@ -175,12 +173,3 @@ class DiagnosisNode(Node):
         response.success = True
         response.message = "faults, confidence and all that was learnt or stored are forgotten"
         return response
-
-
-def main() -> int:
-    """Entry point of `lfd_diagnosis diagnosis_node`."""
-    return run_node(DiagnosisNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

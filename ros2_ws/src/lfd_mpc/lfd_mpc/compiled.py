@@ -60,6 +60,8 @@ NOT_COMPILED = (
     "__init__.py",
     "health.py",
     "node_support.py",
+    "node_process.py",
+    "executables.py",
     "qos_events.py",
     "markers.py",
     "driving.py",

@@ -1,7 +1,6 @@
 """mpc_node: radar, acceleration and host speed in; prediction horizon and command out."""
 
 import heapq
-import sys
 import time
 from functools import partial
 from typing import Any
@@ -28,7 +27,6 @@ from lfd_mpc.node_support import (
     HealthPublisher,
     ReadyAnnouncer,
     declare_settings,
-    run_node,
 )
 from lfd_mpc.qos_events import hearing, telling
 from lfd_mpc.sampling import (
@@ -198,12 +196,3 @@ class MpcNode(Node):
                 "refused samples": str(last.refused_samples),
                 "samples that are no numbers": str(last.bad_samples),
             }
-
-
-def main() -> int:
-    """Entry point of `lfd_mpc mpc_node`."""
-    return run_node(MpcNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,7 +1,5 @@
-"""What every node of the graph does alike: parameters from settings, readiness, a quiet end."""
+"""What every node of the graph does alike: parameters from settings, readiness, health."""
 
-import os
-import sys
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -15,9 +13,6 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 from rclpy.clock import Clock, ClockType
-from rclpy.context import Context
-from rclpy.executors import Executor, ExternalShutdownException
-from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -194,64 +189,3 @@ class ReadyAnnouncer:
         self._ticks += 1
         if self._ticks % 500 == 100:
             self._node.get_logger().info(f"waiting for a publisher on {', '.join(missing)}")
-
-
-def make_executor(context: Context | None = None) -> Executor:
-    """The executor of all nodes: by events, a quarter of the cost of the one that polls.
-
-    Only `spin_once` with a finite timeout delivers messages and heeds signals.
-    """
-    return EventsExecutor(context=context)
-
-
-def _refuse_pretended_security() -> None:
-    """Asked for security that is not enforced a node would start, unsecured. Raises UserError."""
-    if os.environ.get("ROS_SECURITY_ENABLE", "").lower() != "true":
-        return
-    if not os.environ.get("ROS_SECURITY_KEYSTORE"):
-        raise UserError(
-            "ROS_SECURITY_ENABLE is true, but ROS_SECURITY_KEYSTORE names no keystore: the node "
-            "would start unsecured"
-        )
-    if os.environ.get("ROS_SECURITY_STRATEGY") != "Enforce":
-        raise UserError(
-            "ROS_SECURITY_ENABLE is true, but ROS_SECURITY_STRATEGY is not Enforce: the node "
-            "might start unsecured"
-        )
-
-
-def start_ros(args: list[str] | None) -> None:
-    """Initialise ROS, seen by this machine alone unless the environment says otherwise.
-
-    Raises UserError for security that was asked for but would not be enforced.
-    """
-    _refuse_pretended_security()
-    if "ROS_STATIC_PEERS" not in os.environ:
-        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    rclpy.init(args=args)
-
-
-def run_node(make: Callable[[], Node], args: list[str] | None = None) -> int:
-    """Spin one node until it is told to stop; returns the exit status."""
-    if {"-h", "--help"} & set(sys.argv[1:] if args is None else args):
-        print(sys.modules[make.__module__].__doc__)
-        print("Options are ROS arguments: --ros-args -p NAME:=VALUE --params-file FILE -r FROM:=TO")
-        return 0
-    node = None
-    try:
-        start_ros(args)
-        node = make()
-        executor = make_executor()
-        executor.add_node(node)
-        while rclpy.ok():
-            executor.spin_once(timeout_sec=0.1)
-    except UserError as error:
-        print(error, file=sys.stderr)
-        return 2
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
-    return 0

@@ -1,6 +1,5 @@
 """observer_node: prediction horizons in, the observer bank's limits out."""
 
-import sys
 import time
 
 from rclpy.context import Context
@@ -14,7 +13,6 @@ from lfd_mpc.node_support import (
     HealthPublisher,
     ReadyAnnouncer,
     declare_settings,
-    run_node,
 )
 from lfd_msgs.msg import ObserverBank as ObserverBankMessage
 from lfd_msgs.msg import PredictionHorizon
@@ -57,12 +55,3 @@ class ObserverNode(Node):
         now = time.monotonic()
         self._health.step(now, state.stamp, now - begin)
         self._bank.publish(to_message(state, ObserverBankMessage()))
-
-
-def main() -> int:
-    """Entry point of `lfd_observer observer_node`."""
-    return run_node(ObserverNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

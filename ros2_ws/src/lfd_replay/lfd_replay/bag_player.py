@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.node_support import make_executor, start_ros
+from lfd_mpc.node_process import make_executor, start_ros
 from lfd_replay.command_line import add_drive_options, warn
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults

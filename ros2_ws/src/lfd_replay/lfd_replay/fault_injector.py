@@ -18,7 +18,8 @@ from std_srvs.srv import Trigger
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.mpc_node import INPUT_TOPICS, sensor_qos
-from lfd_mpc.node_support import PIPELINE_QOS, declare_settings, run_node
+from lfd_mpc.node_process import run_node
+from lfd_mpc.node_support import PIPELINE_QOS, declare_settings
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RadarSample, Sample
 from lfd_msgs.srv import InjectFault
 from lfd_replay.adapter_settings import InjectorSettings
@@ -157,7 +158,7 @@ def _write(message: Any, sample: Sample) -> None:
 
 def main() -> int:
     """Entry point of `lfd_replay fault_injector`."""
-    return run_node(FaultInjectorNode)
+    return run_node(lambda: FaultInjectorNode)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,8 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu
 
-from lfd_mpc.node_support import PIPELINE_QOS, declare_settings, run_node
+from lfd_mpc.node_process import run_node
+from lfd_mpc.node_support import PIPELINE_QOS, declare_settings
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED
 from lfd_replay.adapter_settings import MountingSettings
 from lfd_replay.recordings.recorded_messages import MessageConverter
@@ -51,7 +52,7 @@ class HostAdapterNode(Node):
 
 def main() -> int:
     """Entry point of `lfd_replay host_adapter`."""
-    return run_node(HostAdapterNode)
+    return run_node(lambda: HostAdapterNode)
 
 
 if __name__ == "__main__":

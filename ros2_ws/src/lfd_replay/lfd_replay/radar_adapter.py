@@ -21,7 +21,8 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.node_support import PIPELINE_QOS, declare_settings, run_node
+from lfd_mpc.node_process import run_node
+from lfd_mpc.node_support import PIPELINE_QOS, declare_settings
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR
 from lfd_replay.adapter_settings import RadarAdapterSettings
 from lfd_replay.recordings.can_log import CanDrive, HostSignals
@@ -161,7 +162,7 @@ class RadarAdapterNode(Node):
 
 def main() -> int:
     """Entry point of `lfd_replay radar_adapter`."""
-    return run_node(RadarAdapterNode)
+    return run_node(lambda: RadarAdapterNode)
 
 
 if __name__ == "__main__":

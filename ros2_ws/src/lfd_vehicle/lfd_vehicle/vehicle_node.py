@@ -21,13 +21,13 @@ from visualization_msgs.msg import MarkerArray
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.messages import from_time, to_message, to_time
+from lfd_mpc.node_process import run_node
 from lfd_mpc.node_support import (
     PIPELINE_QOS,
     READY_QOS,
     READY_TOPIC,
     ReadyAnnouncer,
     declare_settings,
-    run_node,
 )
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, Sample
 from lfd_mpc.settings import STEP_S, MpcSettings
@@ -222,7 +222,7 @@ class VehicleNode(Node):
 
 def main() -> int:
     """Entry point of `lfd_vehicle vehicle_node`."""
-    return run_node(VehicleNode)
+    return run_node(lambda: VehicleNode)
 
 
 if __name__ == "__main__":

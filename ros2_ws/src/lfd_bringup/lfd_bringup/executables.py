@@ -1,0 +1,16 @@
+"""Executables of this package that join ROS before what they compute with is imported."""
+
+from lfd_mpc.node_process import joined
+from lfd_replay.errors import run_command
+
+
+def _replay(arguments: list[str]) -> int:
+    with joined(arguments) as since:
+        from lfd_bringup.replay import main_replay
+
+        return main_replay(arguments, since)
+
+
+def replay() -> int:
+    """Entry point of `lfd_bringup replay`."""
+    return run_command(_replay)
