@@ -136,12 +136,10 @@ def main_replay(arguments: list[str], joined: float) -> int:
         nodes += [recorder, *graph_nodes(options.profile), player]
         for node in nodes:
             executor.add_node(node)
-        started = time.monotonic()
-        ended = _play_to_the_end(player, executor, recorder, console)
-        wall = time.monotonic() - started
-        console.print(
-            f"played {player.total:.1f} s in {wall:.1f} s ({player.total / wall:.1f} x real time)"
-        )
+        wall = _play_to_the_end(player, executor, recorder, console)
+        if wall is not None:
+            speed = player.total / wall
+            console.print(f"played {player.total:.1f} s in {wall:.1f} s ({speed:.1f} x real time)")
         _leave(options.out, drive, faults, recorder, console)
     except LockstepError as error:
         print(error, file=sys.stderr)
@@ -150,20 +148,20 @@ def main_replay(arguments: list[str], joined: float) -> int:
         executor.shutdown()
         for node in nodes:
             node.destroy_node()
-    return 0 if ended else INTERRUPTED
+    return INTERRUPTED if wall is None else 0
 
 
 def _play_to_the_end(
     player: PlayerNode, executor: Executor, recorder: RecorderNode, console: Console
-) -> bool:
-    """Whether the drive was played to its end; what was recorded of it until then is not lost."""
+) -> float | None:
+    """Seconds that playing took; None if interrupted: what was recorded until then is not lost."""
     try:
-        play(player, executor, console)
+        wall = play(player, executor, console)
         drain(executor, recorder)
     except (KeyboardInterrupt, ExternalShutdownException):
         print("interrupted: what was recorded until now is written", file=sys.stderr)
-        return False
-    return True
+        return None
+    return wall
 
 
 def drain(executor: Executor, recorder: RecorderNode) -> None:

@@ -99,6 +99,7 @@ class DiagnosisNode(Node):
             self.create_subscription(
                 ClockMessage, "/clock", self._on_clock, qos_profile_sensor_data
             )
+        self._report, self._rebuilt = FaultReport(), ReconstructedState()
         self._health, self._sensors = StepHealth(), SensorHealth()
         self._diagnostics = HealthPublisher(self, self._statuses)
         ReadyAnnouncer(self, ["mpc/horizon", "observer/bank"])
@@ -146,13 +147,13 @@ class DiagnosisNode(Node):
             self._watch.heard(now)
             self._health.step(now, horizon.stamp, now - begin)
             self._publish(outcome.report, outcome.events)
-            self._reconstructed.publish(to_message(outcome.reconstruction, ReconstructedState()))
+            self._reconstructed.publish(to_message(outcome.reconstruction, self._rebuilt))
             if self._markers is not None and horizon.step % MARKER_STEPS == 0:
                 stamp = to_time(horizon.stamp)
                 self._markers.publish(markers(horizon, outcome, self._frame, stamp))
 
     def _publish(self, report: Report, events: list[Event]) -> None:
-        self._faults.publish(to_message(report, FaultReport()))
+        self._faults.publish(to_message(report, self._report))
         for event in events:
             self._events.publish(to_message(event, FaultEvent()))
         self._sensors.take(report, events)

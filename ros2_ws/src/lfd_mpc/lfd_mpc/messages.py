@@ -33,7 +33,8 @@ def from_time(time: Time) -> int:
     return time.sec * 1_000_000_000 + time.nanosec
 
 
-def _set_time(time: Time, stamp: int) -> None:
+def set_time(time: Time, stamp: int) -> None:
+    """Set a message time to so many nanoseconds."""
     time.sec, time.nanosec = divmod(stamp, 1_000_000_000)
 
 
@@ -57,10 +58,10 @@ def _writing(kind: type, message_type: type) -> _Writing:
     for name in (field.name for field in fields(kind)):
         old = getattr(example, name, None)
         if name == "stamp":
-            others.append(lambda record, made: _set_time(made.header.stamp, record.stamp))
+            others.append(lambda record, made: set_time(made.header.stamp, record.stamp))
         elif isinstance(old, Time):
             others.append(
-                lambda record, made, n=name: _set_time(getattr(made, n), getattr(record, n))
+                lambda record, made, n=name: set_time(getattr(made, n), getattr(record, n))
             )
         elif hasattr(old, "get_fields_and_field_types"):
             others.append(

@@ -120,6 +120,7 @@ class MpcNode(Node):
                 Decision, "diagnosis/decision", self._on_decision, PIPELINE_QOS
             )
         self.create_subscription(Clock, "/clock", self._on_clock, qos_profile_sensor_data)
+        self._message = PredictionHorizon()
         self._health, self._counts = StepHealth(), {}
         HealthPublisher(self, self._statuses)
         ReadyAnnouncer(self, ["radar/target", "vehicle/imu"])
@@ -172,7 +173,7 @@ class MpcNode(Node):
 
     def _publish(self, horizons: list[Horizon]) -> None:
         for horizon in horizons:
-            message = to_message(horizon, PredictionHorizon())
+            message = to_message(horizon, self._message)
             self._horizon.publish(message)
             command = AccelStamped(header=message.header)
             command.accel.linear.x = horizon.command

@@ -30,6 +30,7 @@ class ObserverNode(Node):
         ObserverBank(BankSettings()).step(first_horizon())
         self._core = ObserverBank(settings)
         self._bank = self.create_publisher(ObserverBankMessage, "observer/bank", PIPELINE_QOS)
+        self._message = ObserverBankMessage()
         self.create_subscription(PredictionHorizon, "mpc/horizon", self._on_horizon, PIPELINE_QOS)
         self._health = StepHealth()
         HealthPublisher(self, self._statuses)
@@ -54,4 +55,4 @@ class ObserverNode(Node):
             return
         now = time.monotonic()
         self._health.step(now, state.stamp, now - begin)
-        self._bank.publish(to_message(state, ObserverBankMessage()))
+        self._bank.publish(to_message(state, self._message))

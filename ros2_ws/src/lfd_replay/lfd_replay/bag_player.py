@@ -44,8 +44,10 @@ def play_options(options: argparse.Namespace, loop: bool = False) -> PlayOptions
     return PlayOptions(options.rate, options.start, options.duration, loop, options.seed)
 
 
-def play(player: PlayerNode, executor: Executor, console: Console) -> None:
+def play(player: PlayerNode, executor: Executor, console: Console) -> float:
     """Spin until the drive is played, with a progress line where there is a terminal.
+
+    Returns the seconds that playing took, from the first sample on.
 
     Raises UserError when nodes do not become ready, LockstepError when a step fails.
     """
@@ -59,17 +61,16 @@ def play(player: PlayerNode, executor: Executor, console: Console) -> None:
         *columns, console=console, transient=True, disable=not console.is_terminal
     ) as progress:
         task = progress.add_task("replay", total=player.total, speed=0.0)
-        started, shown = None, 0.0
+        shown = 0.0
         while not player.done:
             pause = player.pump()
             executor.spin_once(timeout_sec=max(pause, 0.0))
             now = time.monotonic()
-            if started is None and player.played:
-                started = now
-            if started is not None and now - shown > 0.2:
+            if player.started is not None and now - shown > 0.2:
                 shown = now
-                speed = player.played / max(now - started, 1e-9)
+                speed = player.played / max(now - player.started, 1e-9)
                 progress.update(task, completed=player.played, speed=speed)
+    return 0.0 if player.started is None else time.monotonic() - player.started
 
 
 def main_play(arguments: list[str]) -> int:
@@ -104,9 +105,7 @@ def main_play(arguments: list[str]) -> int:
         player = PlayerNode(samples, playing, wait_for)
         executor = make_executor()
         executor.add_node(player)
-        started = time.monotonic()
-        play(player, executor, Console(stderr=True))
-        wall = time.monotonic() - started
+        wall = play(player, executor, Console(stderr=True))
         print(f"played {player.total:.1f} s of {drive.name} in {wall:.1f} s")
     except LockstepError as error:
         print(error, file=sys.stderr)

@@ -12,7 +12,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.messages import to_time
+from lfd_mpc.messages import set_time
 from lfd_mpc.node_support import PIPELINE_QOS, READY_QOS, READY_TOPIC
 from lfd_mpc.sampling import Sample
 from lfd_mpc.settings import STEP_NS
@@ -89,12 +89,14 @@ class PlayerNode(Node):
         self._missing = set(wait_for)
         self._created = time.monotonic()
         self._joined = self._created if joined is None else joined
-        self._started: float | None = None
+        self.started: float | None = None
+        """`time.monotonic()` at the first sample."""
         self._paused = False
         self._last_clock = -STEP_NS
         self._last_beat = 0.0
         self._clock_wall = 0.0
         self._clock = self.create_publisher(Clock, "/clock", 10)
+        self._now = Clock()
         self._outputs = SamplePublishers(self, PIPELINE_QOS)
         self.create_subscription(String, READY_TOPIC, self._on_ready, READY_QOS)
         self.create_service(Trigger, "~/pause", self._on_pause)
@@ -144,13 +146,13 @@ class PlayerNode(Node):
                     "are they running, in the same ROS_DOMAIN_ID?"
                 )
             return HEARTBEAT
-        if self._started is None:
+        if self.started is None:
             if now - self._joined < SETTLE:
                 return SETTLE - (now - self._joined)
             self._check_alone()
             if self._lockstep is not None:
                 self._lockstep.check_reliable(self._outputs.topics)
-            self._started = now
+            self.started = now
             self._clock_wall = now
         if self._paused:
             self._beat(now)
@@ -199,12 +201,16 @@ class PlayerNode(Node):
         if stamp - self._last_clock >= STEP_NS or stamp < self._last_clock - STEP_NS:
             self._last_clock = stamp
             self._last_beat = time.monotonic()
-            self._clock.publish(Clock(clock=to_time(max(stamp, 0))))
+            self._publish_clock()
+
+    def _publish_clock(self) -> None:
+        set_time(self._now.clock, max(self._last_clock, 0))
+        self._clock.publish(self._now)
 
     def _beat(self, now: float) -> None:
         if now - self._last_beat >= HEARTBEAT and self._last_clock >= 0:
             self._last_beat = now
-            self._clock.publish(Clock(clock=to_time(self._last_clock)))
+            self._publish_clock()
 
     def _on_ready(self, message: String) -> None:
         self._missing.discard(message.data.rsplit("/", 1)[-1])

@@ -5,7 +5,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu
 
-from lfd_mpc.messages import to_time
+from lfd_mpc.messages import set_time
 from lfd_mpc.sampling import (
     ACCELERATION,
     HOST_SPEED,
@@ -52,7 +52,7 @@ class SamplePublishers:
     def publish(self, sample: Sample) -> None:
         """Publish one sample on the topic of its input."""
         message = self._message(sample)
-        message.header.stamp = to_time(sample.stamp)
+        set_time(message.header.stamp, sample.stamp)
         self._publishers[sample.input].publish(message)
 
     def _message(self, sample: Sample) -> RadarTarget | Imu | TwistStamped | AccelStamped:
