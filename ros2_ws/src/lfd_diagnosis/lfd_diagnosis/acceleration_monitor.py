@@ -104,8 +104,11 @@ ROUGH_TIME_ALONE = 1.5
 SMOOTH = 0.3
 """Time constant in s through which an acceleration is rebuilt from the relative one."""
 
-SLOPE_DRIFT, DRIFT_TIME = 0.12, 10.0
+SLOPE_DRIFT, DRIFT_TIME = 0.145, 4.0
 """What a road's slope makes of the difference: m/s^2 per square root of a second, for so long."""
+
+SECOND_DIFFERENCES = 6.0
+"""How much larger than the variance of a white noise that of its second differences is."""
 
 SIZE_FROM, SIZE_TO = 30, 130
 """Steps after conviction over which the size of a jump is averaged."""
@@ -276,8 +279,14 @@ def expected_std(monitor, settings):
     """Standard deviation in m/s^2 of `expected_acceleration`."""
     if not is_usable(monitor.speed, settings):
         return BLIND_STD
-    drift = SLOPE_DRIFT**2 * min(monitor.settled * STEP_S, DRIFT_TIME)
-    return sqrt(monitor.slow_noise.variance + monitor.step_noise.variance + drift)
+    since = (monitor.settled + BASELINE_DELAY) * STEP_S
+    drift = SLOPE_DRIFT**2 * min(since, DRIFT_TIME)
+    # Each sample has noise of its own; the slow mean of the slope is held against only where
+    # nothing is known of a moment before.
+    noise = monitor.roughness.usual / SECOND_DIFFERENCES
+    jumped = monitor.faulty and monitor.kind == Kind.OFFSET
+    slope = 0.0 if jumped else monitor.slow_noise.variance
+    return sqrt(slope + monitor.step_noise.variance + noise + drift)
 
 
 @inner
@@ -460,7 +469,8 @@ def _against_speed(monitor, settings):
     slow_limit = max(settings.acceleration_limit, sigma * deviation(monitor.slow_noise))
     sudden, gradual = learning * step_limit + allowance, learning * slow_limit + allowance
     check = monitor.check
-    if abs(slow) / gradual > abs(step) / sudden:
+    # What jumped is held against a moment ago: the slope may have changed since its slow mean.
+    if abs(step) < sudden and abs(slow) / gradual > abs(step) / sudden:
         set_check(check, Ground.HOST_SPEED, slow, gradual, Kind.RAMP, monitor.slope)
     else:
         set_check(check, Ground.HOST_SPEED, step, sudden, Kind.OFFSET, monitor.baseline)
