@@ -59,6 +59,7 @@ NOT_COMPILED = (
     "silence.py",
     "__init__.py",
     "health.py",
+    "messages.py",
     "node_support.py",
     "node_process.py",
     "executables.py",
