@@ -443,6 +443,24 @@ def test_reconstruction_stands_in_for_faulty_signals(car: Car) -> None:
     assert not now.clearance_valid and isnan(now.clearance) and "not known better" in now.reason
 
 
+@pytest.mark.parametrize("offset", [4.0, -4.0])
+def test_after_a_crest_an_acceleration_is_rebuilt_with_the_slope_of_now(car: Car, offset) -> None:
+    """Its slow mean still lies half way: what jumped is held against a moment before."""
+    slope = 0.8
+    for k in range(300):
+        car.step(acceleration=slope * k / 300)
+    car.drive(1.0, acceleration=slope)
+    start = car.number
+    car.drive(2.0, acceleration=slope + offset)
+    assert car.faults_since(start) == {"acceleration"}
+    assert car.outcomes[-1].report.acceleration.kind == Kind.OFFSET
+    rebuilt = [o.reconstruction for o in car.outcomes[start + 30 :]]
+    assert [r.acceleration for r in rebuilt] == pytest.approx([slope] * len(rebuilt), abs=0.3)
+    covered = [abs(r.acceleration - slope) <= 1.96 * r.acceleration_std for r in rebuilt]
+    assert np.mean(covered) >= 0.9
+    assert rebuilt[0].acceleration_std < rebuilt[-1].acceleration_std < 0.5
+
+
 def test_silence_says_no_data_for_all(car: Car) -> None:
     report, events = car.diagnosis.silence(10**10)
     assert {report.radar.state, report.acceleration.state, report.host_speed.state} == {
