@@ -38,8 +38,53 @@ def set_time(time: Time, stamp: int) -> None:
     time.sec, time.nanosec = divmod(stamp, 1_000_000_000)
 
 
-def _as_sequence(value: NDArray, typecode: str | None) -> array | list:
-    return value.tolist() if typecode is None else array(typecode, value.tobytes())
+def _put_stamp(message: Any, _name: str, value: int) -> None:
+    set_time(message.header.stamp, value)
+
+
+def _put_time(message: Any, name: str, value: int) -> None:
+    set_time(getattr(message, name), value)
+
+
+def _put_record(message: Any, name: str, value: Any) -> None:
+    to_message(value, getattr(message, name))
+
+
+def _put_array(message: Any, name: str, value: NDArray) -> None:
+    setattr(message, name, array(getattr(message, name).typecode, value.tobytes()))
+
+
+def _put_list(message: Any, name: str, value: NDArray) -> None:
+    setattr(message, name, value.tolist())
+
+
+@cache
+def _writing(kind: type, message_type: type) -> tuple[tuple[str, Callable], ...]:
+    """Names of a record's fields, and what puts each into the message."""
+    example, made = message_type(), []
+    for field in fields(kind):
+        old = getattr(example, field.name, None)
+        if field.name == "stamp":
+            put = _put_stamp
+        elif isinstance(old, Time):
+            put = _put_time
+        elif hasattr(old, "get_fields_and_field_types"):
+            put = _put_record
+        elif isinstance(old, array):
+            put = _put_array
+        elif isinstance(old, list):
+            put = _put_list
+        else:
+            put = setattr
+        made.append((field.name, put))
+    return tuple(made)
+
+
+def to_message(record: Any, message: Message) -> Message:
+    """Fill `message` from `record` and return it."""
+    for name, put in _writing(type(record), type(message)):
+        put(message, name, getattr(record, name))
+    return message
 
 
 def _as_array(value: array | list | NDArray) -> NDArray:
@@ -48,52 +93,8 @@ def _as_array(value: array | list | NDArray) -> NDArray:
     return np.asarray(value)
 
 
-_Writing = tuple[tuple[str, ...], tuple[Callable[[Any, Any], None], ...]]
-
-
 @cache
-def _writing(kind: type, message_type: type) -> _Writing:
-    """Names of the fields that are taken as they are, and what sets the others."""
-    example, plain, others = message_type(), [], []
-    for name in (field.name for field in fields(kind)):
-        old = getattr(example, name, None)
-        if name == "stamp":
-            others.append(lambda record, made: set_time(made.header.stamp, record.stamp))
-        elif isinstance(old, Time):
-            others.append(
-                lambda record, made, n=name: set_time(getattr(made, n), getattr(record, n))
-            )
-        elif hasattr(old, "get_fields_and_field_types"):
-            others.append(
-                lambda record, made, n=name: to_message(getattr(record, n), getattr(made, n))
-            )
-        elif isinstance(old, (array, list)):
-            code = old.typecode if isinstance(old, array) else None
-            others.append(
-                lambda record, made, n=name, c=code: setattr(
-                    made, n, _as_sequence(getattr(record, n), c)
-                )
-            )
-        else:
-            plain.append(name)
-    return tuple(plain), tuple(others)
-
-
-def to_message(record: Any, message: Message) -> Message:
-    """Fill `message` from `record` and return it; what a step needs is found out once per type."""
-    names, others = _writing(type(record), type(message))
-    for name in names:
-        setattr(message, name, getattr(record, name))
-    for fill in others:
-        fill(record, message)
-    return message
-
-
-_Reading = tuple[Callable[[Any], tuple], tuple[tuple[int, Callable[[Any], Any]], ...]]
-
-
-@cache
-def _reading(kind: type, message_type: type) -> _Reading:
+def _reading(kind: type, message_type: type) -> tuple[Callable, tuple[tuple[int, Callable], ...]]:
     """What gets a message's values in the order of the record's fields, and what converts which."""
     types, names, conversions = message_type.get_fields_and_field_types(), [], []
     for number, field in enumerate(fields(kind)):
