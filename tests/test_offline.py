@@ -80,7 +80,7 @@ def test_nothing_is_left_to_compile_for_the_first_start_of_a_node() -> None:
 
 
 def test_setup_leaves_bytecode_where_a_start_may_not_write_it() -> None:
-    modules = sorted(Path("ros2_ws/src").glob("lfd_*/lfd_*/**/*.py"))
+    modules = sorted((Path(__file__).parent.parent / "ros2_ws/src").glob("lfd_*/lfd_*/**/*.py"))
     assert len(modules) > 100
     assert [m for m in modules if not Path(cache_from_source(str(m))).is_file()] == []
 

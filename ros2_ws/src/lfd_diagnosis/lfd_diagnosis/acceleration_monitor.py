@@ -458,10 +458,8 @@ def _against_speed(monitor, settings):
     doubt = LAG_DOUBT * LAG_PRIOR / monitor.lag_square
     allowance += doubt * max(abs(jerk) - CALM_JERK, 0.0)
     if not monitor.leapt_for:
-        lag, own = (
-            settings.jerk_allowance + doubt,
-            jerk_between(monitor.filtered, monitor.slow_filtered),
-        )
+        lag = settings.jerk_allowance + doubt
+        own = jerk_between(monitor.filtered, monitor.slow_filtered)
         allowance += min(lag * max(abs(own) - CALM_JERK, 0.0), LAG_MOST)
     sigma = settings.acceleration_sigma
     step, slow = off - monitor.baseline, off - monitor.slope

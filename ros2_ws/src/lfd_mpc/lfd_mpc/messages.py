@@ -23,11 +23,6 @@ Record = TypeVar("Record")
 Message = TypeVar("Message")
 
 
-def to_time(stamp: int) -> Time:
-    """Nanoseconds as a message time."""
-    return Time(sec=stamp // 1_000_000_000, nanosec=stamp % 1_000_000_000)
-
-
 def from_time(time: Time) -> int:
     """A message time as nanoseconds."""
     return time.sec * 1_000_000_000 + time.nanosec
@@ -36,6 +31,13 @@ def from_time(time: Time) -> int:
 def set_time(time: Time, stamp: int) -> None:
     """Set a message time to so many nanoseconds."""
     time.sec, time.nanosec = divmod(stamp, 1_000_000_000)
+
+
+def to_time(stamp: int) -> Time:
+    """Nanoseconds as a message time."""
+    time = Time()
+    set_time(time, stamp)
+    return time
 
 
 def _put_stamp(message: Any, _name: str, value: int) -> None:

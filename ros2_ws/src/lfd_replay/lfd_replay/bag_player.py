@@ -70,7 +70,8 @@ def play(player: PlayerNode, executor: Executor, console: Console) -> float:
                 shown = now
                 speed = player.played / max(now - player.started, 1e-9)
                 progress.update(task, completed=player.played, speed=speed)
-    return 0.0 if player.started is None else time.monotonic() - player.started
+    assert player.started is not None, "what is played has a sample"
+    return time.monotonic() - player.started
 
 
 def main_play(arguments: list[str]) -> int:
