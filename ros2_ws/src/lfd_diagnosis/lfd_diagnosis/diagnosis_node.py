@@ -72,8 +72,6 @@ class DiagnosisNode(Node):
         self._frame = self.declare_parameter("marker_frame", "radar", FRAME_PARAMETER).value
         drawn = self.declare_parameter("markers", False, MARKERS_PARAMETER).value
         settings = declare_settings(self, DiagnosisSettings, self._change)
-        make_diagnosis(DiagnosisSettings(profile=settings.profile)).step(first_horizon(), None)
-        self._core = make_diagnosis(settings)
         self._pairing = Pairing()
         self._faults = self.create_publisher(
             FaultReport,
@@ -90,6 +88,9 @@ class DiagnosisNode(Node):
         )
         self.create_subscription(PredictionHorizon, "mpc/horizon", self._on_horizon, PIPELINE_QOS)
         self.create_subscription(ObserverBank, "observer/bank", self._on_bank, PIPELINE_QOS)
+        # What comes while the algorithm is loaded waits and is judged at once afterwards.
+        make_diagnosis(DiagnosisSettings(profile=settings.profile)).step(first_horizon(), None)
+        self._core = make_diagnosis(settings)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self._watch = SilenceWatch(time.monotonic())
         self.create_timer(

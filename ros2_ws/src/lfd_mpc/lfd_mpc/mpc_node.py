@@ -87,11 +87,6 @@ class MpcNode(Node):
         super().__init__("mpc_node", context=context, **node_options)
         receipts = self.declare_parameter("receipts", False, RECEIPTS_PARAMETER).value
         settings = declare_settings(self, MpcSettings, self._change)
-        first_horizon()
-        try:
-            self._core = DrivingMpc(settings) if settings.driving else Mpc(settings)
-        except ValueError as error:
-            raise UserError(f"mpc_node: {error}") from error
         self._horizon = self.create_publisher(
             PredictionHorizon,
             "mpc/horizon",
@@ -120,6 +115,12 @@ class MpcNode(Node):
                 Decision, "diagnosis/decision", self._on_decision, PIPELINE_QOS
             )
         self.create_subscription(Clock, "/clock", self._on_clock, qos_profile_sensor_data)
+        # What comes while the algorithm is loaded waits and is taken at once afterwards.
+        first_horizon()
+        try:
+            self._core = DrivingMpc(settings) if settings.driving else Mpc(settings)
+        except ValueError as error:
+            raise UserError(f"mpc_node: {error}") from error
         self._message = PredictionHorizon()
         self._health, self._counts = StepHealth(), {}
         HealthPublisher(self, self._statuses)

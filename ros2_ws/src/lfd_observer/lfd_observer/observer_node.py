@@ -27,11 +27,12 @@ class ObserverNode(Node):
         """Raises UserError for parameters that cannot work."""
         super().__init__("observer_node", context=context, **node_options)
         settings = declare_settings(self, BankSettings, self._change)
-        ObserverBank(BankSettings()).step(first_horizon())
-        self._core = ObserverBank(settings)
         self._bank = self.create_publisher(ObserverBankMessage, "observer/bank", PIPELINE_QOS)
         self._message = ObserverBankMessage()
         self.create_subscription(PredictionHorizon, "mpc/horizon", self._on_horizon, PIPELINE_QOS)
+        # What comes while the algorithm is loaded waits and is answered at once afterwards.
+        ObserverBank(BankSettings()).step(first_horizon())
+        self._core = ObserverBank(settings)
         self._health = StepHealth()
         HealthPublisher(self, self._statuses)
         ReadyAnnouncer(self, ["mpc/horizon"])
