@@ -16,6 +16,9 @@ PRIOR = 20
 GIVE = 3.0
 """Deviations beyond which a sample does not add to what is learnt."""
 
+VAGUE = 30.0
+"""How much larger than the noise's variance a prediction's may be to tell anything of it."""
+
 SAME_STAMP = 1e-4
 """Seconds below which two stamps are the same."""
 
@@ -87,6 +90,8 @@ def start_noise(noise, first, lowest, highest, learn, memory):
 @inner
 def learn_noise(noise, innovation, predicted_variance):
     """Learn from one innovation whose prediction was as uncertain as stated."""
+    if predicted_variance > VAGUE * noise.variance:
+        return
     noise.count += 1
     if not noise.learn:
         return

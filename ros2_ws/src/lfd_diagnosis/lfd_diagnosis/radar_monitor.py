@@ -40,12 +40,13 @@ from lfd_diagnosis.radar_signal import (
     deviation_about,
     follow_agreement,
     forgive,
-    has_returned,
     has_stopped,
     is_bad,
     is_held,
+    largest_jump,
     least_limit,
     restart_signal,
+    returned_to,
     start_signal,
 )
 from lfd_diagnosis.travelled_path import (
@@ -106,6 +107,9 @@ the clearance's noise by which that leaves the path, filtered by a share."""
 CLEARANCE_STD, VELOCITY_STD = 0.22, 0.3
 """How well a track is known, in m and m/s, that a contradiction was explained with."""
 
+PATH_SIGMA = 3.0
+"""Deviations of the clearance's noise that a path may be off."""
+
 REMEMBERED = 32
 """Targets that are remembered at once."""
 
@@ -144,12 +148,18 @@ RADAR = np.dtype(
         ("held_since", "f8"),
         ("clearance_when_held", "f8"),
         ("off_while_held", "f8"),
+        ("agreed_clearance", "f8"),
+        ("agreed_path", "f8"),
         ("lost", "?"),
         ("lost_since", "f8"),
     ],
     align=True,
 )
-"""State of one radar's two signals and of its target; `lost_since` (s) counts while `lost`."""
+"""State of one radar's two signals and of its target; `lost_since` (s) counts while `lost`.
+
+`agreed_clearance` (m) is what was measured when a faulty relative velocity began to agree again,
+`agreed_path` (m) the path that it makes since.
+"""
 
 
 @inner
@@ -629,8 +639,9 @@ def _requalify(radar, settings, signal, measured, of_clearance):
     if of_clearance:
         step -= track.velocity * period
     if not radar.lost:
-        if has_returned(signal):
-            _rebase(track, signal, measured.value, of_clearance)
+        level = returned_to(signal)
+        if isfinite(level):
+            _rebase(track, signal, measured.value - signal.residual + level, of_clearance)
         elif has_stopped(signal, measured.at, settings.requalify_time):
             _rebase(track, signal, measured.value, of_clearance)
             forgive(signal)
@@ -638,6 +649,10 @@ def _requalify(radar, settings, signal, measured, of_clearance):
     spread = deviation_about(signal, track.cc if of_clearance else track.vv)
     agreeing = follow_agreement(signal, period, step, spread)
     agrees = agreeing and agrees_long_enough(signal, settings.clear_time, settings.latch)
+    if not of_clearance:
+        _follow_agreed_path(radar, period)
+        if agrees and _is_off_path(radar):
+            signal.agreeing, agrees = 0.0, False
     if radar.lost:
         # A new target: its own agreement with itself must do, but for longer.
         if not agreeing:
@@ -649,6 +664,30 @@ def _requalify(radar, settings, signal, measured, of_clearance):
         clear_path(radar.path)
         if not is_radar_faulty(radar):
             radar.lost = False
+
+
+@inner
+def _follow_agreed_path(radar, period):
+    """The path that a faulty relative velocity makes since it began to agree."""
+    signal, measured = radar.velocity, radar.measured_velocity
+    if signal.agreeing <= period:
+        clearance = radar.measured_clearance
+        radar.agreed_clearance = clearance.value if clearance.new else np.nan
+        radar.agreed_path = 0.0
+    else:
+        radar.agreed_path += 0.5 * (signal.last + measured.value) * period
+
+
+@inner
+def _is_off_path(radar):
+    """Whether the clearance says that the relative velocity is still off, though it agrees with a
+    track that was coasted for long: half of what it was off would have led as far astray."""
+    signal, clearance = radar.velocity, radar.clearance
+    if signal.kind != Kind.OFFSET or (clearance.faulty and clearance.kind != Kind.OFFSET):
+        return False
+    off = radar.measured_clearance.value - radar.agreed_clearance - radar.agreed_path
+    doubt = PATH_SIGMA * deviation(clearance.noise) + resolution_of(clearance.roughness)
+    return abs(off) > 0.5 * largest_jump(signal) * signal.agreeing + doubt
 
 
 @inner

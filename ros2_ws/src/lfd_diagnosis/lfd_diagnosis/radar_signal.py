@@ -163,7 +163,7 @@ def count_scan(signal, ceiling):
     if isnan(signal.residual):
         return
     if is_bad(signal):
-        if not signal.confidence:
+        if not signal.confidence and not signal.faulty:
             start_ring(signal.first, FIRST)
         signal.confidence = min(signal.confidence + BAD, ceiling)
         if not is_full(signal.first):
@@ -219,8 +219,8 @@ def classify(signal):
 
 @inner
 def _levels(recent):
-    """By how much the newest residuals lie off the line through those before, and how far apart
-    they are; medians, so that single outliers on either side do not count."""
+    """By how much the newest residuals lie off the line through those before, where they lie, and
+    how far apart; medians, so that single outliers on either side do not count."""
     before, after = np.empty(BEFORE), np.empty(AFTER)
     rises = np.empty(BEFORE - 1)
     for i in range(BEFORE):
@@ -230,17 +230,20 @@ def _levels(recent):
     for i in range(AFTER):
         after[i] = at(recent, BEFORE + i)
     middle = np.median(after)
-    apart = np.max(np.abs(after - middle))
+    # A later one may be an outlier itself, the first one may be from before the jump.
+    off = np.abs(after - middle)
+    apart = max(off[0], np.sort(off)[AFTER - 2])
     scans = 0.5 * (BEFORE + AFTER)
-    return middle - (np.median(before) + scans * np.median(rises)), apart
+    return middle - (np.median(before) + scans * np.median(rises)), middle, apart
 
 
 @inner
-def has_returned(signal):
-    """Whether the jump that made the fault was undone, whatever became of the reference: some
-    scans lie as far off those before as the first ones did, the other way."""
+def returned_to(signal):
+    """Where it is now, off its reference, if the jump that made the fault was undone, whatever
+    became of the reference; NaN if not: some scans lie as far off those before as the first ones
+    did, the other way. Their median: the newest may be an outlier."""
     if signal.kind != Kind.OFFSET:
-        return False
+        return np.nan
     first, recent = signal.first, signal.recent
     append(recent, signal.residual)
     offset = 0.0
@@ -250,13 +253,13 @@ def has_returned(signal):
     tolerance = max(TOLERANCE * abs(offset), 0.5 * signal.floor, 4.0 * deviation(signal.noise))
     tolerance += resolution_of(signal.roughness)
     if not is_full(recent) or tolerance >= abs(offset):
-        return False
-    jump, apart = _levels(recent)
+        return np.nan
+    jump, level, apart = _levels(recent)
     if abs(jump + offset) >= tolerance or apart >= tolerance:
-        return False
+        return np.nan
     start_ring(recent, BEFORE + AFTER)
     signal.came_back, signal.agreeing = True, 0.0
-    return True
+    return level
 
 
 @inner
@@ -285,15 +288,22 @@ def has_stopped(signal, time, duration):
 
 
 @inner
+def largest_jump(signal):
+    """The largest of the residuals that the fault began with."""
+    size = 0.0
+    for i in range(signal.first.count):
+        size = max(size, abs(at(signal.first, i)))
+    return size
+
+
+@inner
 def follow_agreement(signal, period, step, spread):
     """Take note of whether a faulty signal agrees; false where it does not.
 
     `period` since the scan before and `step` since then beyond the lead's own motion; `spread`
     is the deviation of a healthy measurement about the reference.
     """
-    size = 0.0
-    for i in range(signal.first.count):
-        size = max(size, abs(at(signal.first, i)))
+    size = largest_jump(signal)
     signal.tellable = signal.limit < max(0.7 * size, 1.5 * signal.floor)
     bound = signal.limit
     if signal.kind == Kind.OFFSET or signal.kind == Kind.RAMP:
