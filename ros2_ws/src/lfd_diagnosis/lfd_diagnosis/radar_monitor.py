@@ -45,6 +45,7 @@ from lfd_diagnosis.radar_signal import (
     is_held,
     largest_jump,
     least_limit,
+    repeats,
     restart_signal,
     returned_to,
     start_signal,
@@ -586,6 +587,9 @@ def _take_bias(radar, of_clearance):
 def _is_frozen(radar, signal, of_clearance):
     """A value repeated for too long, or while the relative velocity says that it changed."""
     if of_clearance:
+        if radar.velocity.faulty and repeats(radar.velocity):
+            # Both of them: it is the radar that says the same again and again.
+            return is_frozen(signal.repetition, True)
         return is_held(signal) and abs(radar.travelled_while_held) > max(
             HELD_PATH,
             HELD_SIGMA * deviation(signal.noise),

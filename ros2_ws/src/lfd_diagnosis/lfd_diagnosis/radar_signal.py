@@ -152,6 +152,12 @@ def is_held(signal):
 
 
 @inner
+def repeats(signal):
+    """Whether its fault is that it says the same again and again."""
+    return signal.kind == Kind.HOLD or signal.kind == Kind.ZERO
+
+
+@inner
 def deviation_about(signal, variance):
     """Standard deviation of a measurement about a prediction of that variance."""
     return sqrt(variance + signal.noise.variance)
@@ -313,8 +319,7 @@ def follow_agreement(signal, period, step, spread):
     if off:
         share = min(period / SIZE_TIME, 1.0)
         signal.estimate += share * (signal.residual - signal.estimate)
-    repeats = signal.kind == Kind.HOLD or signal.kind == Kind.ZERO
-    if off or (repeats and is_held(signal)) or is_rough(signal.roughness):
+    if off or (repeats(signal) and is_held(signal)) or is_rough(signal.roughness):
         signal.agreeing, signal.came_back = 0.0, False
         return False
     if signal.kind != Kind.OFFSET and abs(step) > max(0.8 * signal.floor, 0.4 * size):
@@ -327,5 +332,8 @@ def follow_agreement(signal, period, step, spread):
 def agrees_long_enough(signal, clear_time, latch):
     """Whether a faulty signal that agrees does so for long enough to be believed."""
     needed = clear_time * (NOISE_CLEARS if signal.kind == Kind.NOISE else 1.0)
-    # Agreement with limits as wide as the fault is large says nothing: it takes a jump back.
-    return signal.agreeing >= needed and (signal.tellable or signal.came_back or not latch)
+    # Agreement with limits as wide as the fault is large says nothing: it takes a jump back. What
+    # repeats itself or is rough shows by itself when that is over.
+    displaced = signal.kind == Kind.OFFSET or signal.kind == Kind.RAMP
+    told = signal.tellable or signal.came_back or not displaced
+    return signal.agreeing >= needed and (told or not latch)
