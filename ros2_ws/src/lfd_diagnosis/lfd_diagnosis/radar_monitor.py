@@ -484,7 +484,7 @@ def _hold_against(signal, measured, prediction, limit, repeated):
 
 
 @inner
-def _judge_signal(radar, settings, signal, measured, of_clearance):
+def _judge_signal(radar, settings, signal, measured, of_clearance, repeated):
     """Count a scan of one signal, and see what becomes of it."""
     if not measured.new:
         return
@@ -495,7 +495,7 @@ def _judge_signal(radar, settings, signal, measured, of_clearance):
     count_scan(signal, settings.scan_confidence_max)
     if signal.faulty:
         classify(signal)
-        _requalify(radar, settings, signal, measured, of_clearance)
+        _requalify(radar, settings, signal, measured, of_clearance, repeated)
     elif is_ready(radar):
         _suspect(radar, settings, signal, of_clearance)
 
@@ -519,8 +519,8 @@ def _judge(radar, settings, repeated):
     expected = track.velocity - age * relative
     _hold_against(velocity, measured_velocity, expected, limits[1], repeated)
     velocity_was_faulty = velocity.faulty
-    _judge_signal(radar, settings, clearance, measured_clearance, True)
-    _judge_signal(radar, settings, velocity, measured_velocity, False)
+    _judge_signal(radar, settings, clearance, measured_clearance, True, repeated)
+    _judge_signal(radar, settings, velocity, measured_velocity, False, repeated)
     if velocity.faulty and not velocity_was_faulty:
         believe(track, radar.slow_acceleration, SLOW_STD)
     if repeated:
@@ -635,7 +635,7 @@ def _convict(radar, settings, signal, kind):
 
 
 @inner
-def _requalify(radar, settings, signal, measured, of_clearance):
+def _requalify(radar, settings, signal, measured, of_clearance, repeated):
     """Whether a faulty signal is to be believed again."""
     track = radar.track
     period = measured.at - signal.last_at
@@ -643,7 +643,7 @@ def _requalify(radar, settings, signal, measured, of_clearance):
     if of_clearance:
         step -= track.velocity * period
     if not radar.lost:
-        level = returned_to(signal)
+        level = returned_to(signal, repeated)
         if isfinite(level):
             _rebase(track, signal, measured.value - signal.residual + level, of_clearance)
         elif has_stopped(signal, measured.at, settings.requalify_time):

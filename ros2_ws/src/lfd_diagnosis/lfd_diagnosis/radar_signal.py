@@ -4,7 +4,7 @@ from math import isnan, sqrt
 
 import numpy as np
 
-from lfd_diagnosis.evidence import BECAUSE
+from lfd_diagnosis.evidence import BECAUSE, Ground
 from lfd_diagnosis.healthy_signal import (
     LEARNT_NOISE,
     REPETITION,
@@ -34,14 +34,18 @@ disagreeing scans of three make a fault, one alone is an outlier."""
 FIRST = 10
 """Residuals from which the size of a jump is taken."""
 
-BEFORE, AFTER = 6, 3
-"""Residuals that a jump back must stand out from, and those that must have jumped."""
+FEW_BEFORE, FEW_AFTER, FEW_DOUBT = 6, 3, 5.4
+"""Residuals that a jump back must stand out from, those that must have jumped, and four deviations
+of what is then found for it, in those of the sensor's noise."""
+
+BEFORE, AFTER, DOUBT = 12, 4, 3.9
+"""The same where the noise is not small against the jump."""
 
 SIZE_TIME = 0.3
 """Time constant in s of the size of a fault."""
 
-TOLERANCE = 0.3
-"""Share of a jump by which the jump back may differ from it."""
+TOLERANCE, MOST_TOLERANCE = 0.3, 0.6
+"""Share of a jump by which the jump back may differ from it, and where there is noise, at most."""
 
 STEPS = 1.5
 """Steps of its resolution that a signal may be off from its prediction."""
@@ -224,43 +228,52 @@ def classify(signal):
 
 
 @inner
-def _levels(recent):
+def _levels(recent, before, after):
     """By how much the newest residuals lie off the line through those before, where they lie, and
     how far apart; medians, so that single outliers on either side do not count."""
-    before, after = np.empty(BEFORE), np.empty(AFTER)
-    rises = np.empty(BEFORE - 1)
-    for i in range(BEFORE):
-        before[i] = at(recent, i)
-    for i in range(BEFORE - 1):
-        rises[i] = before[i + 1] - before[i]
-    for i in range(AFTER):
-        after[i] = at(recent, BEFORE + i)
-    middle = np.median(after)
+    first = recent.count - before - after
+    old, new = np.empty(before), np.empty(after)
+    rises = np.empty(before * (before - 1) // 2)
+    for i in range(before):
+        old[i] = at(recent, first + i)
+    count = 0
+    for i in range(before):
+        for j in range(i):
+            rises[count] = (old[i] - old[j]) / (i - j)
+            count += 1
+    for i in range(after):
+        new[i] = at(recent, first + before + i)
+    level = np.median(new)
     # A later one may be an outlier itself, the first one may be from before the jump.
-    off = np.abs(after - middle)
-    apart = max(off[0], np.sort(off)[AFTER - 2])
-    scans = 0.5 * (BEFORE + AFTER)
-    return middle - (np.median(before) + scans * np.median(rises)), middle, apart
+    off = np.abs(new - level)
+    apart = max(off[0], np.sort(off)[after - 2])
+    scans = 0.5 * (before + after)
+    return level - (np.median(old) + scans * np.median(rises)), level, apart
 
 
 @inner
-def returned_to(signal):
+def returned_to(signal, repeated):
     """Where it is now, off its reference, if the jump that made the fault was undone, whatever
     became of the reference; NaN if not: some scans lie as far off those before as the first ones
     did, the other way. Their median: the newest may be an outlier."""
     if signal.kind != Kind.OFFSET:
         return np.nan
     first, recent = signal.first, signal.recent
-    append(recent, signal.residual)
+    if not repeated:
+        append(recent, signal.residual)
     offset = 0.0
     for i in range(first.count):
         offset += at(first, i)
-    offset /= first.count
-    tolerance = max(TOLERANCE * abs(offset), 0.5 * signal.floor, 4.0 * deviation(signal.noise))
-    tolerance += resolution_of(signal.roughness)
-    if not is_full(recent) or tolerance >= abs(offset):
+    offset = offset / first.count
+    noise = deviation(signal.noise)
+    before, after, doubt = FEW_BEFORE, FEW_AFTER, FEW_DOUBT * noise
+    if doubt > TOLERANCE * abs(offset):
+        before, after, doubt = BEFORE, AFTER, DOUBT * noise
+    tolerance = max(TOLERANCE * abs(offset), 0.5 * signal.floor, doubt)
+    tolerance += 0.5 * resolution_of(signal.roughness)
+    if recent.count < before + after or tolerance > MOST_TOLERANCE * abs(offset):
         return np.nan
-    jump, level, apart = _levels(recent)
+    jump, level, apart = _levels(recent, before, after)
     if abs(jump + offset) >= tolerance or apart >= tolerance:
         return np.nan
     start_ring(recent, BEFORE + AFTER)
@@ -333,7 +346,8 @@ def agrees_long_enough(signal, clear_time, latch):
     """Whether a faulty signal that agrees does so for long enough to be believed."""
     needed = clear_time * (NOISE_CLEARS if signal.kind == Kind.NOISE else 1.0)
     # Agreement with limits as wide as the fault is large says nothing: it takes a jump back. What
-    # repeats itself or is rough shows by itself when that is over.
-    displaced = signal.kind == Kind.OFFSET or signal.kind == Kind.RAMP
-    told = signal.tellable or signal.came_back or not displaced
+    # was told by repeating itself or by being rough shows by itself when that is over.
+    ground = signal.because.ground
+    shown = ground == Ground.REPETITION or ground == Ground.ROUGHNESS
+    told = signal.tellable or signal.came_back or shown
     return signal.agreeing >= needed and (told or not latch)
