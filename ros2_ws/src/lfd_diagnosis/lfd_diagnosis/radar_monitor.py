@@ -48,7 +48,9 @@ from lfd_diagnosis.radar_signal import (
     repeats,
     restart_signal,
     returned_to,
+    shows_itself,
     start_signal,
+    still_shows,
 )
 from lfd_diagnosis.travelled_path import (
     DRIFT,
@@ -546,8 +548,8 @@ def _judge(radar, settings, repeated):
         return
     if not is_radar_faulty(radar):
         _follow_path(radar, settings)
-    elif clearance.faulty and velocity.faulty:
-        _look_for_another(radar, settings)
+    elif clearance.faulty:
+        _look_for_agreement(radar, settings)
 
 
 @inner
@@ -731,22 +733,36 @@ def _follow_path(radar, settings):
 
 
 @inner
-def _look_for_another(radar, settings):
-    """A radar that gives no ids: two signals that jumped, but agree with each other since.
+def _look_for_agreement(radar, settings):
+    """Whether faulty signals agree with each other since, which is enough for two kinds.
 
-    A fault of both leaves them contradicting each other; another car does not.
+    A radar that gives no ids: both jumped, but a fault of both leaves them contradicting each
+    other; another car does not. Signals that repeated themselves or were rough: they do not any
+    more, and the track may have been coasted too far to tell anything.
     """
-    if radar.id != UNKNOWN_TRACK or radar.lost:
+    clearance, velocity, path = radar.clearance, radar.velocity, radar.path
+    another = radar.id == UNKNOWN_TRACK and velocity.faulty
+    over = shows_itself(clearance) and (shows_itself(velocity) or not velocity.faulty)
+    if radar.lost or not (another or over):
         return
-    path, at = radar.path, radar.measured_clearance.at
-    clearance, velocity = radar.measured_clearance.value, radar.measured_velocity.value
-    follow_path(path, settings, at, clearance, velocity, 0.0)
-    limit = path_limit(path, settings, 1.0, resolution_of(radar.clearance.roughness))
+    if over and (still_shows(clearance) or still_shows(velocity)):
+        clear_path(path)
+        return
+    at = radar.measured_clearance.at
+    follow_path(
+        path, settings, at, radar.measured_clearance.value, radar.measured_velocity.value, 0.0
+    )
+    limit = path_limit(path, settings, 1.0, resolution_of(clearance.roughness))
     if path_length(path) < settings.drift_window:
         return
-    if abs(path_drift(path, settings, limit)) < 0.5 * limit:
+    if abs(path_drift(path, settings, limit)) >= 0.5 * limit:
+        return
+    if over:
+        forgive(clearance)
+        forgive(velocity)
+    else:
         radar.lost, radar.lost_since = True, at
-        _begin(radar, settings, UNKNOWN_TRACK)
+    _begin(radar, settings, radar.id)
 
 
 @inner

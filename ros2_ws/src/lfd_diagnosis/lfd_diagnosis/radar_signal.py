@@ -162,6 +162,19 @@ def repeats(signal):
 
 
 @inner
+def shows_itself(signal):
+    """Whether its fault was told by what the signal does, not by where it lies."""
+    ground = signal.because.ground
+    return ground in (Ground.REPETITION, Ground.ROUGHNESS) or signal.kind == Kind.ZERO
+
+
+@inner
+def still_shows(signal):
+    """Whether it repeats itself or is rough now."""
+    return is_held(signal) or is_rough(signal.roughness)
+
+
+@inner
 def deviation_about(signal, variance):
     """Standard deviation of a measurement about a prediction of that variance."""
     return sqrt(variance + signal.noise.variance)
@@ -347,7 +360,5 @@ def agrees_long_enough(signal, clear_time, latch):
     needed = clear_time * (NOISE_CLEARS if signal.kind == Kind.NOISE else 1.0)
     # Agreement with limits as wide as the fault is large says nothing: it takes a jump back. What
     # was told by repeating itself or by being rough shows by itself when that is over.
-    ground = signal.because.ground
-    shown = ground == Ground.REPETITION or ground == Ground.ROUGHNESS
-    told = signal.tellable or signal.came_back or shown
+    told = signal.tellable or signal.came_back or shows_itself(signal)
     return signal.agreeing >= needed and (told or not latch)
