@@ -107,6 +107,9 @@ HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 
 its resolution, by host and lead, and m/s^2 of doubt about the lead after a second; or deviations of
 the clearance's noise by which that leaves the path, filtered by a share."""
 
+TAKEN_BACK = 2.0
+"""Seconds of a held relative velocity that the track can be taken back by."""
+
 CLEARANCE_STD, VELOCITY_STD = 0.22, 0.3
 """How well a track is known, in m and m/s, that a contradiction was explained with."""
 
@@ -151,6 +154,10 @@ RADAR = np.dtype(
         ("held_since", "f8"),
         ("clearance_when_held", "f8"),
         ("off_while_held", "f8"),
+        ("track_when_held", LEAD_TRACK),
+        ("time_while_held", "f8"),
+        ("host_gain_while_held", "f8"),
+        ("host_path_while_held", "f8"),
         ("agreed_clearance", "f8"),
         ("agreed_path", "f8"),
         ("lost", "?"),
@@ -291,6 +298,11 @@ def _predict(radar, settings, host_acceleration, lead_acceleration):
             inform(track, lead_acceleration, settings.lead_report_std)
     mean = settings.lead_acceleration_mean
     predict_track(track, STEP_S, host_acceleration, keep, mean, jerk)
+    radar.host_path_while_held += STEP_S * (
+        radar.host_gain_while_held + 0.5 * STEP_S * host_acceleration
+    )
+    radar.host_gain_while_held += STEP_S * host_acceleration
+    radar.time_while_held += STEP_S
     if clearance.faulty:
         clearance.coasted += STEP_S
         track.cc += 2.0 * VELOCITY_BIAS**2 * clearance.coasted * STEP_S
@@ -339,6 +351,8 @@ def _follow_held_velocity(radar, same):
     clearance, velocity, track = radar.measured_clearance, radar.measured_velocity, radar.track
     if not (same and radar.has_track):
         radar.lead_when_held = radar.slow_acceleration
+        radar.track_when_held = track
+        radar.time_while_held = radar.host_gain_while_held = radar.host_path_while_held = 0.0
         expected = track.velocity - velocity.age * (track.acceleration - radar.host)
         radar.changed_while_held = expected - velocity.value
         radar.most_changed = abs(radar.changed_while_held)
@@ -520,10 +534,15 @@ def _judge(radar, settings, repeated):
     _hold_against(clearance, measured_clearance, expected, limits[0], repeated)
     expected = track.velocity - age * relative
     _hold_against(velocity, measured_velocity, expected, limits[1], repeated)
-    velocity_was_faulty = velocity.faulty
+    clearance_was_faulty, velocity_was_faulty = clearance.faulty, velocity.faulty
     _judge_signal(radar, settings, clearance, measured_clearance, True, repeated)
     _judge_signal(radar, settings, velocity, measured_velocity, False, repeated)
-    if velocity.faulty and not velocity_was_faulty:
+    begins = velocity.faulty and not velocity_was_faulty
+    held = velocity.faulty and repeats(velocity)
+    both = repeats(clearance) and clearance.faulty and not clearance_was_faulty
+    if held and (begins or both):
+        _take_back_held(radar, settings, age)
+    if begins or (held and both):
         believe(track, radar.slow_acceleration, SLOW_STD)
     if repeated:
         return
@@ -550,6 +569,23 @@ def _judge(radar, settings, repeated):
         _follow_path(radar, settings)
     elif clearance.faulty:
         _look_for_agreement(radar, settings)
+
+
+@inner
+def _take_back_held(radar, settings, age):
+    """What the track was taught by a relative velocity that only repeated itself: it goes on from
+    what it was before."""
+    if radar.time_while_held > TAKEN_BACK:
+        return
+    track, clearance = radar.track, radar.clearance
+    mean = settings.lead_acceleration_mean
+    radar.track = radar.track_when_held
+    radar.slow_acceleration = radar.lead_when_held
+    predict_track(track, radar.time_while_held, 0.0, 1.0, mean, settings.jerk_density)
+    track.velocity -= radar.host_gain_while_held
+    track.clearance -= radar.host_path_while_held
+    if radar.measured_clearance.new and not clearance.faulty:
+        clearance.residual = radar.measured_clearance.value - track.clearance + age * track.velocity
 
 
 @inner
