@@ -67,6 +67,14 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
             add(title, runs, partial(judges.judge_offset, size=size))
         rebuilt = partial(judges.judge_rebuilt, recorded=False)
         add(f"offset {signal}, rebuilt", runs_of_signal, rebuilt)
+    radar = plan.PAPER[:2]
+    long = plan.spread("offset", radar, extent.normal, extent.seeds, plan.LONG_LENGTH, signed=False)
+    add("both radar signals for 8 s", long, judges.judge_long)
+    rebuilt = partial(judges.judge_rebuilt, recorded=False)
+    add("both radar signals for 8 s, rebuilt", long, rebuilt)
+    held = tuple((signal, None) for signal, _ in radar)
+    frozen = plan.spread("hold", held, extent.few, extent.seeds, plan.LENGTH, signed=False)
+    add("hold of the whole radar", frozen, judges.judge_held_radar)
     blind = plan.spread("offset", plan.PAPER[2:], extent.few, extent.seeds, host_speed=False)
     add(
         "without host speed: acceleration +-4",

@@ -155,16 +155,52 @@ def judge_found(judge: Judge, least: float, delay: float) -> None:
     judge.no_false_events()
 
 
+def judge_long(judge: Judge) -> None:
+    """A fault that the reference is coasted through: flagged to its end, over with it."""
+    for signal in judge.signals():
+        delays = judge.found(signal, 0.99)
+        judge.middle(f"{signal}, 99 % within", delays, 0.200, 0.99)
+        made = judge.of(signal)
+        judge.share(f"{signal} flagged for 97 %", [m["fraction"] >= 0.97 for m in made], 0.99)
+        judge.share(f"{signal} clear within 1.5 s", [_clear_within(m, 1.5) for m in made], 0.99)
+    judge.no_blame(0.98)
+    judge.no_false_events()
+
+
+def _clear_within(made: dict, most: float) -> bool:
+    return made["clear"] is not None and made["clear"] <= most
+
+
 def judge_held(judge: Judge) -> None:
     """A signal that is held, or zero: found within 0.5 s of having moved enough to tell."""
     (signal,) = judge.signals()
-    good = []
-    for made in judge.of(signal):
-        moved = next((k * 0.1 for k, e in enumerate(made["rms"]) if e > MOVED[signal]), None)
-        if moved is not None:
-            good.append(made["delay"] is not None and made["delay"] <= moved + 0.1 + 0.5)
-    judge.share("found within 0.5 s of having moved enough", good, 0.99)
+    judge.share(
+        "found within 0.5 s of having moved enough",
+        [_told_in_time(m, MOVED[signal]) for m in judge.of(signal) if _moved(m, MOVED[signal])],
+        0.99,
+    )
     judge.no_blame(0.98)
+
+
+def _moved(made: dict, enough: float) -> float | None:
+    """Seconds after which a held signal has moved enough to tell; None if never."""
+    return next(((k + 1) * 0.1 for k, e in enumerate(made["rms"]) if e > enough), None)
+
+
+def _told_in_time(made: dict, enough: float) -> bool:
+    moved = _moved(made, enough)
+    return moved is not None and made["delay"] is not None and made["delay"] <= moved + 0.5
+
+
+def judge_held_radar(judge: Judge) -> None:
+    """A radar that says the same again and again: both signals are found, and believed again."""
+    for signal in judge.signals():
+        made = judge.of(signal)
+        moved = [m["delay"] is not None for m in made if _moved(m, MOVED[signal])]
+        judge.share(f"{signal} found where it moved enough", moved, 0.99)
+        judge.share(f"{signal} clear within 5 s", [_clear_within(m, 5.0) for m in made], 0.99)
+    judge.no_blame(0.98)
+    judge.no_false_events()
 
 
 def judge_dropout(judge: Judge) -> None:

@@ -27,8 +27,8 @@ OFFSETS = {
 RAMPS = {"clearance": 0.5, "relative_velocity": 0.5, "acceleration": 0.5}
 """Ramps in m/s, m/s^2 and m/s^3."""
 
-LENGTH, RAMP_LENGTH = 4.0, 8.0
-"""Seconds of each fault."""
+LENGTH, RAMP_LENGTH, LONG_LENGTH = 4.0, 8.0, 8.0
+"""Seconds of each fault, of a ramp, and of one that nothing but coasting tells to its end."""
 
 NOISE = {"clearance": 0.056, "relative_velocity": 0.023, "acceleration": 0.31}
 """Noise of the generated sensors in m, m/s and m/s^2, with the acceleration's slow deviation."""
