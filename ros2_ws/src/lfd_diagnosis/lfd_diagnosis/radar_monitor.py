@@ -81,7 +81,7 @@ LEARNING = 40.0
 CORRELATION = 3.0
 """Seconds over which the lead's acceleration is known when it is not measured."""
 
-SLOW, SLOW_STD = 0.5, 0.35
+SLOW, SLOW_STD = 0.5, 0.2
 """Seconds over which the lead's acceleration is averaged before it is relied on for long, and how
 well it is known then, in m/s^2."""
 
@@ -145,6 +145,7 @@ RADAR = np.dtype(
         ("remembered", _SLOT, (REMEMBERED,)),
         ("remembered_count", "i8"),
         ("slow_acceleration", "f8"),
+        ("slower_acceleration", "f8"),
         ("host", "f8"),
         ("host_moves", "?"),
         ("travelled_while_held", "f8"),
@@ -196,7 +197,7 @@ def _start_target(radar, settings):
     radar.scans = 0
     radar.id = UNKNOWN_TRACK
     radar.remembered_count = 0
-    radar.slow_acceleration = settings.lead_acceleration_mean
+    radar.slow_acceleration = radar.slower_acceleration = settings.lead_acceleration_mean
     radar.host = radar.travelled_while_held = 0.0
     radar.lead_when_held = radar.changed_while_held = radar.most_changed = 0.0
     radar.clearance_when_held = radar.off_while_held = 0.0
@@ -309,6 +310,8 @@ def _predict(radar, settings, host_acceleration, lead_acceleration):
     if not is_radar_faulty(radar):
         off = track.acceleration - radar.slow_acceleration
         radar.slow_acceleration += STEP_S / SLOW * off
+        off = radar.slow_acceleration - radar.slower_acceleration
+        radar.slower_acceleration += STEP_S / SLOW * off
 
 
 @inner
@@ -384,7 +387,7 @@ def _begin(radar, settings, track_id):
     )
     radar.has_track = True
     radar.id, radar.scans = track_id, 1
-    radar.slow_acceleration = mean
+    radar.slow_acceleration = radar.slower_acceleration = mean
     _cut_path(radar)
     for signal in (radar.clearance, radar.velocity):
         signal.residual = signal.limit = np.nan
@@ -543,7 +546,7 @@ def _judge(radar, settings, repeated):
     if held and (begins or both):
         _take_back_held(radar, settings, age)
     if begins or (held and both):
-        believe(track, radar.slow_acceleration, SLOW_STD)
+        believe(track, 2.0 * radar.slow_acceleration - radar.slower_acceleration, SLOW_STD)
     if repeated:
         return
     good_clearance = not clearance.faulty and not is_bad(clearance)

@@ -306,7 +306,9 @@ def _reconstruct(state, settings, relative, outcome):
     clearance_std, velocity_std = radar_deviations(radar)
     evidence.has_track = tracked
     evidence.clearance_std, evidence.relative_velocity_std = clearance_std, velocity_std
-    made.clearance_valid = tracked and clearance_std <= VALID_CLEARANCE_STD
+    # A lead that was coasted to behind the own bumper is not there.
+    possible = radar.track.clearance >= 0.0
+    made.clearance_valid = tracked and possible and clearance_std <= VALID_CLEARANCE_STD
     made.clearance = radar.track.clearance if made.clearance_valid else np.nan
     made.clearance_std = clearance_std if made.clearance_valid else np.nan
     made.relative_velocity_valid = tracked and velocity_std <= VALID_VELOCITY_STD
