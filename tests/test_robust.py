@@ -397,23 +397,84 @@ def test_an_offset_that_can_no_longer_be_told_says_so_and_stays(car: Car) -> Non
     assert not car.faults_since(end)
 
 
-@pytest.mark.parametrize("outlier", [None, "before", "after"])
+@pytest.mark.parametrize("outlier", [None, "before", "after", "third"])
 def test_a_long_fault_ends_with_its_jump_back_whatever_became_of_the_reference(
     car: Car, outlier: str | None
 ) -> None:
     """The lead brakes while both signals are faulty, so that the coasted track is far off."""
     fault = {"clearance": -4.0, "relative_velocity": 5.0}
-    car.lead_acceleration = -0.4
+    car.lead_acceleration = -0.3
     car.drive(12.0, **fault)
     while car.number % SCAN:
         car.step(**fault)
     spike = {"clearance": fault["clearance"] - 3.0, "relative_velocity": 5.0}
     for _ in range(SCAN):
         car.step(**(spike if outlier == "before" else fault))
-    for _ in range(SCAN):
-        car.step(**({"clearance": -3.0} if outlier == "after" else {}))
+    for scan in ("after", "second", "third"):
+        car.drive(0.01 * SCAN, clearance=-3.0 if outlier == scan else 0.0)
     report = car.drive(1.5).report
     assert {report.clearance.state, report.relative_velocity.state} == {State.OK}
+    assert car.outcomes[-1].reconstruction.clearance == pytest.approx(car.clearance, abs=0.3)
+
+
+def test_a_fault_is_not_over_because_the_coasted_track_comes_near_to_it(car: Car) -> None:
+    """The lead stops braking and accelerates while nothing sees it: what is expected of the
+    relative velocity goes to where the fault is, but the clearance does not follow that."""
+    car.lead_acceleration = -1.6
+    car.drive(1.0)
+    fault = {"clearance": 4.0, "relative_velocity": -10.0}
+    car.drive(0.2, **fault)
+    start = car.number
+    for k in range(800):
+        car.lead_acceleration = min(-1.6 + 0.012 * k, 1.5)
+        car.step(**fault)
+    states = {
+        (o.report.clearance.state, o.report.relative_velocity.state) for o in car.outcomes[start:]
+    }
+    assert states == {(State.FAULT, State.FAULT)}
+    end = car.number
+    report = car.drive(1.5).report
+    assert {report.clearance.state, report.relative_velocity.state} == {State.OK}
+    car.drive(5.0)
+    assert not car.faults_since(end)
+
+
+def test_a_radar_that_says_the_same_again_and_again_is_told_and_believed_again(car: Car) -> None:
+    """Both signals are held while the lead brakes: what they taught the track is taken back."""
+    car.lead_acceleration = -1.0
+    car.drive(1.0)
+    start = car.number
+    clearance, velocity = car.seen
+    judged = 0
+    for _ in range(300):
+        outcome = car.step(clearance_is=clearance, relative_velocity_is=velocity)
+        now = outcome.reconstruction
+        valid = now.clearance_valid and now.relative_velocity_valid
+        if valid and outcome.report.clearance.state == State.FAULT:
+            judged += 1
+            assert abs(now.clearance - car.clearance) < 2.0 * now.clearance_std
+            assert abs(now.relative_velocity - car.velocity) < 2.0 * now.relative_velocity_std
+    assert judged > 100
+    assert car.faults_since(start) == {"clearance", "relative_velocity", "radar"}
+    last = car.outcomes[-1]
+    assert {last.report.clearance.kind, last.report.relative_velocity.kind} == {Kind.HOLD}
+    end = car.number
+    report = car.drive(1.5).report
+    assert {report.clearance.state, report.relative_velocity.state} == {State.OK}
+    assert not car.faults_since(end)
+
+
+def test_a_lead_behind_the_own_bumper_is_no_reconstruction(car: Car) -> None:
+    car.lead_acceleration = -2.0
+    below = above = 0
+    for _ in range(600):
+        now = car.step(clearance=4.0).reconstruction
+        if car.clearance > 0.5:
+            above += now.clearance_valid
+        elif car.clearance < -0.5:
+            below += 1
+            assert not now.clearance_valid and isnan(now.clearance)
+    assert above > 300 and below > 10
 
 
 def test_without_latch_agreement_alone_clears(car: Car) -> None:
@@ -506,6 +567,15 @@ def test_non_finite_inputs_never_count_as_agreement() -> None:
         report = diagnosis.step(horizon, None).report
     assert report.radar.state == report.acceleration.state == State.NO_DATA
     assert report.host_speed.state == State.NO_DATA
+
+
+def test_a_vague_prediction_tells_nothing_of_the_noise() -> None:
+    noise = make_state(LEARNT_NOISE)[0]
+    start_noise(noise, 0.1, 0.01, 1.0, True, 400)
+    learn_noise(noise, 20.0, 31.0 * 0.1**2)
+    assert deviation(noise) == pytest.approx(0.1)
+    learn_noise(noise, 20.0, 29.0 * 0.1**2)
+    assert deviation(noise) > 0.2
 
 
 def test_noise_is_learnt_from_a_first_value_within_limits() -> None:
