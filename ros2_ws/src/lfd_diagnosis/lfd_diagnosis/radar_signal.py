@@ -53,6 +53,10 @@ STEPS = 1.5
 HELD_SCANS = 6
 """Equal scans below which nothing is thought of it."""
 
+SIGMA, AVERAGED, AGREED = 4.0, 4.0, 0.4
+"""Deviations of what a faulty signal is held against that must be less than the fault was large,
+scans over which noise averages out, and share of the fault that it may be off in the mean."""
+
 NOISE_CLEARS = 1.6
 """A noise leaves its limits now and then only: it must agree for so many times longer."""
 
@@ -80,6 +84,8 @@ RADAR_SIGNAL = np.dtype(
         ("bias", "f8"),
         ("estimate", "f8"),
         ("agreeing", "f8"),
+        ("agreed", "f8"),
+        ("agreed_scans", "f8"),
         ("came_back", "?"),
         ("first", RING),
         ("recent", RING),
@@ -214,6 +220,7 @@ def convict(signal, kind, confidence):
     if not signal.first.count:
         append(signal.first, signal.residual)
     signal.agreeing, signal.came_back = 0.0, False
+    signal.agreed = signal.agreed_scans = 0.0
     start_ring(signal.recent, BEFORE + AFTER)
     signal.history_first = signal.history_count = 0
 
@@ -336,7 +343,10 @@ def follow_agreement(signal, period, step, spread):
     is the deviation of a healthy measurement about the reference.
     """
     size = largest_jump(signal)
-    signal.tellable = signal.limit < max(0.7 * size, 1.5 * signal.floor)
+    # Noise averages out while it agrees; what the reference is off does not.
+    averaged = 1.0 - 1.0 / AVERAGED
+    known = sqrt(max(spread * spread - averaged * signal.noise.variance, 0.0))
+    signal.tellable = SIGMA * known < max(0.7 * size, 1.5 * signal.floor)
     bound = signal.limit
     if signal.kind == Kind.OFFSET or signal.kind == Kind.RAMP:
         # What is known to be off by so much has not come back while it is off by half of it.
@@ -347,7 +357,10 @@ def follow_agreement(signal, period, step, spread):
         signal.estimate += share * (signal.residual - signal.estimate)
     if off or (repeats(signal) and is_held(signal)) or is_rough(signal.roughness):
         signal.agreeing, signal.came_back = 0.0, False
+        signal.agreed = signal.agreed_scans = 0.0
         return False
+    signal.agreed += signal.residual
+    signal.agreed_scans += 1.0
     if signal.kind != Kind.OFFSET and abs(step) > max(0.8 * signal.floor, 0.4 * size):
         signal.came_back, signal.agreeing = True, 0.0
     signal.agreeing += min(period, 0.2)
@@ -360,5 +373,6 @@ def agrees_long_enough(signal, clear_time, latch):
     needed = clear_time * (NOISE_CLEARS if signal.kind == Kind.NOISE else 1.0)
     # Agreement with limits as wide as the fault is large says nothing: it takes a jump back. What
     # was told by repeating itself or by being rough shows by itself when that is over.
-    told = signal.tellable or signal.came_back or shows_itself(signal)
+    off = abs(signal.agreed) > AGREED * largest_jump(signal) * signal.agreed_scans
+    told = (signal.tellable and not off) or signal.came_back or shows_itself(signal)
     return signal.agreeing >= needed and (told or not latch)
