@@ -732,7 +732,8 @@ def _is_off_path(radar):
         return False
     off = radar.measured_clearance.value - radar.agreed_clearance - radar.agreed_path
     doubt = PATH_SIGMA * deviation(clearance.noise) + resolution_of(clearance.roughness)
-    return abs(off) > 0.5 * largest_jump(signal) * signal.agreeing + doubt
+    jump = max(largest_jump(signal), signal.floor)
+    return abs(off) > 0.5 * jump * signal.agreeing + doubt
 
 
 @inner

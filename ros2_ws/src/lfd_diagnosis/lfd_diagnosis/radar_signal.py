@@ -284,7 +284,7 @@ def returned_to(signal, repeated):
     offset = 0.0
     for i in range(first.count):
         offset += at(first, i)
-    offset = offset / first.count
+    offset /= first.count
     noise = deviation(signal.noise)
     before, after, doubt = FEW_BEFORE, FEW_AFTER, FEW_DOUBT * noise
     if doubt > TOLERANCE * abs(offset):
@@ -373,6 +373,7 @@ def agrees_long_enough(signal, clear_time, latch):
     needed = clear_time * (NOISE_CLEARS if signal.kind == Kind.NOISE else 1.0)
     # Agreement with limits as wide as the fault is large says nothing: it takes a jump back. What
     # was told by repeating itself or by being rough shows by itself when that is over.
-    off = abs(signal.agreed) > AGREED * largest_jump(signal) * signal.agreed_scans
+    most = AGREED * max(largest_jump(signal), signal.floor)
+    off = abs(signal.agreed) > most * signal.agreed_scans
     told = (signal.tellable and not off) or signal.came_back or shows_itself(signal)
     return signal.agreeing >= needed and (told or not latch)

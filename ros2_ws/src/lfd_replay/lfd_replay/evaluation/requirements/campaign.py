@@ -74,7 +74,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
     add("both radar signals for 8 s, rebuilt", long, rebuilt)
     held = tuple((signal, None) for signal, _ in radar)
     frozen = plan.spread("hold", held, extent.few, extent.seeds, plan.LENGTH, signed=False)
-    add("hold of the whole radar", frozen, judges.judge_held_radar)
+    add("the whole radar held", frozen, judges.judge_held_radar)
     blind = plan.spread("offset", plan.PAPER[2:], extent.few, extent.seeds, host_speed=False)
     add(
         "without host speed: acceleration +-4",
