@@ -44,8 +44,8 @@ BEFORE, AFTER, DOUBT = 12, 4, 3.9
 SIZE_TIME = 0.3
 """Time constant in s of the size of a fault."""
 
-TOLERANCE, MOST_TOLERANCE = 0.3, 0.6
-"""Share of a jump by which the jump back may differ from it, and where there is noise, at most."""
+TOLERANCE, MOST_DOUBT = 0.3, 0.6
+"""Share of a jump by which the jump back may differ from it, and share that noise may be of it."""
 
 STEPS = 1.5
 """Steps of its resolution that a signal may be off from its prediction."""
@@ -289,9 +289,10 @@ def returned_to(signal, repeated):
     before, after, doubt = FEW_BEFORE, FEW_AFTER, FEW_DOUBT * noise
     if doubt > TOLERANCE * abs(offset):
         before, after, doubt = BEFORE, AFTER, DOUBT * noise
+    doubt += 0.5 * resolution_of(signal.roughness)
     tolerance = max(TOLERANCE * abs(offset), 0.5 * signal.floor, doubt)
-    tolerance += 0.5 * resolution_of(signal.roughness)
-    if recent.count < before + after or tolerance > MOST_TOLERANCE * abs(offset):
+    told = doubt <= MOST_DOUBT * abs(offset) and tolerance < abs(offset)
+    if recent.count < before + after or not told:
         return np.nan
     jump, level, apart = _levels(recent, before, after)
     if abs(jump + offset) >= tolerance or apart >= tolerance:
