@@ -41,6 +41,9 @@ of what is then found for it, in those of the sensor's noise."""
 BEFORE, AFTER, DOUBT = 12, 4, 3.9
 """The same where the noise is not small against the jump."""
 
+LAST, SEEN = 3, 0.5
+"""Residuals just before a jump back, and share of it by which the new ones must differ."""
+
 SIZE_TIME = 0.3
 """Time constant in s of the size of a fault."""
 
@@ -249,8 +252,9 @@ def classify(signal):
 
 @inner
 def _levels(recent, before, after):
-    """By how much the newest residuals lie off the line through those before, where they lie, and
-    how far apart; medians, so that single outliers on either side do not count."""
+    """By how much the newest residuals lie off the line through those before, where they lie, how
+    far apart, and off the last ones; medians, so that single outliers on either side do not
+    count."""
     first = recent.count - before - after
     old, new = np.empty(before), np.empty(after)
     rises = np.empty(before * (before - 1) // 2)
@@ -268,7 +272,8 @@ def _levels(recent, before, after):
     off = np.abs(new - level)
     apart = max(off[0], np.sort(off)[after - 2])
     scans = 0.5 * (before + after)
-    return level - (np.median(old) + scans * np.median(rises)), level, apart
+    jump = level - (np.median(old) + scans * np.median(rises))
+    return jump, level, apart, level - np.median(old[-LAST:])
 
 
 @inner
@@ -294,8 +299,11 @@ def returned_to(signal, repeated):
     told = doubt <= MOST_DOUBT * abs(offset) and tolerance < abs(offset)
     if recent.count < before + after or not told:
         return np.nan
-    jump, level, apart = _levels(recent, before, after)
+    jump, level, apart, seen = _levels(recent, before, after)
     if abs(jump + offset) >= tolerance or apart >= tolerance:
+        return np.nan
+    # Against a reference that is known well, a line that was drawn wrong is no jump.
+    if signal.tellable and -seen * offset < SEEN * offset * offset:
         return np.nan
     start_ring(recent, BEFORE + AFTER)
     signal.came_back, signal.agreeing = True, 0.0
