@@ -242,7 +242,9 @@ def test_the_run_can_be_watched(simulated: Path, browser) -> None:
     browser.execute_script("at.value = 100; show();")
     assert "TAKE_OVER: STOP" in level.text
     assert "FAULT" in browser.find_element(By.ID, "verdicts").text
-    assert "FAULT: offset by prediction residual" in browser.find_element(By.ID, "why").text
+    why = browser.find_element(By.ID, "why").text
+    assert "nothing makes up for relative_velocity" in why
+    assert "relative_velocity FAULT: offset by prediction residual" in why
     drawn = browser.execute_script(
         "return ['road','gap','speeds','accelerations','lanes'].map(id => {"
         " const c = document.getElementById(id);"

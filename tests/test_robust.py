@@ -403,7 +403,9 @@ def test_a_long_fault_ends_with_its_jump_back_whatever_became_of_the_reference(
 ) -> None:
     """The lead brakes while both signals are faulty, so that the coasted track is far off."""
     fault = {"clearance": -4.0, "relative_velocity": 5.0}
-    car.lead_acceleration = -0.3
+    car.track_id, car.clearance = 2, 60.0  # room to brake for as long
+    car.drive(8.0)
+    car.lead_acceleration = -0.4
     car.drive(12.0, **fault)
     while car.number % SCAN:
         car.step(**fault)

@@ -43,12 +43,13 @@ from lfd_diagnosis.radar_signal import (
     has_stopped,
     is_bad,
     is_held,
-    largest_jump,
     least_limit,
     repeats,
+    restart_agreement,
     restart_signal,
     returned_to,
     shows_itself,
+    size_to_tell,
     start_signal,
     still_shows,
 )
@@ -150,6 +151,7 @@ RADAR = np.dtype(
         ("host_moves", "?"),
         ("travelled_while_held", "f8"),
         ("lead_when_held", "f8"),
+        ("slower_lead_when_held", "f8"),
         ("changed_while_held", "f8"),
         ("most_changed", "f8"),
         ("held_since", "f8"),
@@ -354,6 +356,7 @@ def _follow_held_velocity(radar, same):
     clearance, velocity, track = radar.measured_clearance, radar.measured_velocity, radar.track
     if not (same and radar.has_track):
         radar.lead_when_held = radar.slow_acceleration
+        radar.slower_lead_when_held = radar.slower_acceleration
         radar.track_when_held = track
         radar.time_while_held = radar.host_gain_while_held = radar.host_path_while_held = 0.0
         expected = track.velocity - velocity.age * (track.acceleration - radar.host)
@@ -584,6 +587,7 @@ def _take_back_held(radar, settings, age):
     mean = settings.lead_acceleration_mean
     radar.track = radar.track_when_held
     radar.slow_acceleration = radar.lead_when_held
+    radar.slower_acceleration = radar.slower_lead_when_held
     predict_track(track, radar.time_while_held, 0.0, 1.0, mean, settings.jerk_density)
     track.velocity -= radar.host_gain_while_held
     track.clearance -= radar.host_path_while_held
@@ -692,12 +696,13 @@ def _requalify(radar, settings, signal, measured, of_clearance, repeated):
             forgive(signal)
             return
     spread = deviation_about(signal, track.cc if of_clearance else track.vv)
-    agreeing = follow_agreement(signal, period, step, spread)
+    agreeing = follow_agreement(signal, period, step, spread, settings.gate_sigma)
     agrees = agreeing and agrees_long_enough(signal, settings.clear_time, settings.latch)
     if not of_clearance:
         _follow_agreed_path(radar, period)
         if agrees and _is_off_path(radar):
-            signal.agreeing, agrees = 0.0, False
+            restart_agreement(signal)
+            agrees = False
     if radar.lost:
         # A new target: its own agreement with itself must do, but for longer.
         if not agreeing:
@@ -732,8 +737,7 @@ def _is_off_path(radar):
         return False
     off = radar.measured_clearance.value - radar.agreed_clearance - radar.agreed_path
     doubt = PATH_SIGMA * deviation(clearance.noise) + resolution_of(clearance.roughness)
-    jump = max(largest_jump(signal), signal.floor)
-    return abs(off) > 0.5 * jump * signal.agreeing + doubt
+    return abs(off) > 0.5 * size_to_tell(signal) * signal.agreeing + doubt
 
 
 @inner

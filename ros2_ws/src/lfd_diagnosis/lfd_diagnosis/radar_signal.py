@@ -56,9 +56,9 @@ STEPS = 1.5
 HELD_SCANS = 6
 """Equal scans below which nothing is thought of it."""
 
-SIGMA, AVERAGED, AGREED = 4.0, 4.0, 0.4
-"""Deviations of what a faulty signal is held against that must be less than the fault was large,
-scans over which noise averages out, and share of the fault that it may be off in the mean."""
+AVERAGED, AGREED = 4.0, 0.4
+"""Scans over which noise averages out while a faulty signal agrees, and share of the fault that it
+may then be off in the mean."""
 
 NOISE_CLEARS = 1.6
 """A noise leaves its limits now and then only: it must agree for so many times longer."""
@@ -222,8 +222,8 @@ def convict(signal, kind, confidence):
     signal.estimate = signal.residual
     if not signal.first.count:
         append(signal.first, signal.residual)
-    signal.agreeing, signal.came_back = 0.0, False
-    signal.agreed = signal.agreed_scans = 0.0
+    signal.came_back = False
+    restart_agreement(signal)
     start_ring(signal.recent, BEFORE + AFTER)
     signal.history_first = signal.history_count = 0
 
@@ -306,7 +306,8 @@ def returned_to(signal, repeated):
     if signal.tellable and -seen * offset < SEEN * offset * offset:
         return np.nan
     start_ring(recent, BEFORE + AFTER)
-    signal.came_back, signal.agreeing = True, 0.0
+    signal.came_back = True
+    restart_agreement(signal)
     return level
 
 
@@ -336,7 +337,7 @@ def has_stopped(signal, time, duration):
 
 
 @inner
-def largest_jump(signal):
+def _largest_jump(signal):
     """The largest of the residuals that the fault began with."""
     size = 0.0
     for i in range(signal.first.count):
@@ -345,17 +346,29 @@ def largest_jump(signal):
 
 
 @inner
-def follow_agreement(signal, period, step, spread):
+def size_to_tell(signal):
+    """What agreement must be told from: how far off the fault put it, no less than is looked for."""
+    return max(_largest_jump(signal), signal.floor)
+
+
+@inner
+def restart_agreement(signal):
+    """Agreement counts from now on."""
+    signal.agreeing = signal.agreed = signal.agreed_scans = 0.0
+
+
+@inner
+def follow_agreement(signal, period, step, spread, sigma):
     """Take note of whether a faulty signal agrees; false where it does not.
 
     `period` since the scan before and `step` since then beyond the lead's own motion; `spread`
-    is the deviation of a healthy measurement about the reference.
+    is the deviation of a healthy measurement about the reference, `sigma` how many of them count.
     """
-    size = largest_jump(signal)
+    size = _largest_jump(signal)
     # Noise averages out while it agrees; what the reference is off does not.
     averaged = 1.0 - 1.0 / AVERAGED
     known = sqrt(max(spread * spread - averaged * signal.noise.variance, 0.0))
-    signal.tellable = SIGMA * known < max(0.7 * size, 1.5 * signal.floor)
+    signal.tellable = sigma * known < max(0.7 * size, 1.5 * signal.floor)
     bound = signal.limit
     if signal.kind == Kind.OFFSET or signal.kind == Kind.RAMP:
         # What is known to be off by so much has not come back while it is off by half of it.
@@ -365,13 +378,14 @@ def follow_agreement(signal, period, step, spread):
         share = min(period / SIZE_TIME, 1.0)
         signal.estimate += share * (signal.residual - signal.estimate)
     if off or (repeats(signal) and is_held(signal)) or is_rough(signal.roughness):
-        signal.agreeing, signal.came_back = 0.0, False
-        signal.agreed = signal.agreed_scans = 0.0
+        signal.came_back = False
+        restart_agreement(signal)
         return False
+    if signal.kind != Kind.OFFSET and abs(step) > max(0.8 * signal.floor, 0.4 * size):
+        signal.came_back = True
+        restart_agreement(signal)
     signal.agreed += signal.residual
     signal.agreed_scans += 1.0
-    if signal.kind != Kind.OFFSET and abs(step) > max(0.8 * signal.floor, 0.4 * size):
-        signal.came_back, signal.agreeing = True, 0.0
     signal.agreeing += min(period, 0.2)
     return True
 
@@ -382,7 +396,6 @@ def agrees_long_enough(signal, clear_time, latch):
     needed = clear_time * (NOISE_CLEARS if signal.kind == Kind.NOISE else 1.0)
     # Agreement with limits as wide as the fault is large says nothing: it takes a jump back. What
     # was told by repeating itself or by being rough shows by itself when that is over.
-    most = AGREED * max(largest_jump(signal), signal.floor)
-    off = abs(signal.agreed) > most * signal.agreed_scans
+    off = abs(signal.agreed) > AGREED * size_to_tell(signal) * signal.agreed_scans
     told = (signal.tellable and not off) or signal.came_back or shows_itself(signal)
     return signal.agreeing >= needed and (told or not latch)

@@ -58,6 +58,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
             others,
             partial(judges.judge_rebuilt, recorded=True),
         )
+    rebuilt = partial(judges.judge_rebuilt, recorded=False)
     for signal, sizes in plan.OFFSETS.items():
         runs_of_signal = []
         for size in sizes:
@@ -65,12 +66,10 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
             runs_of_signal += runs
             title = f"offset {signal} +-{size:g}"
             add(title, runs, partial(judges.judge_offset, size=size))
-        rebuilt = partial(judges.judge_rebuilt, recorded=False)
         add(f"offset {signal}, rebuilt", runs_of_signal, rebuilt)
     radar = plan.PAPER[:2]
     long = plan.spread("offset", radar, extent.normal, extent.seeds, plan.LONG_LENGTH, signed=False)
     add("both radar signals for 8 s", long, judges.judge_long)
-    rebuilt = partial(judges.judge_rebuilt, recorded=False)
     add("both radar signals for 8 s, rebuilt", long, rebuilt)
     held = tuple((signal, None) for signal, _ in radar)
     frozen = plan.spread("hold", held, extent.few, extent.seeds, plan.LENGTH, signed=False)

@@ -113,18 +113,12 @@ def judge_table_3(judge: Judge) -> None:
     """Table 3's faults: exactly the injected signals, soon, for as long, and not longer."""
     for signal in judge.signals():
         delays = judge.found(signal, 1.0)
-        made = judge.of(signal)
         if signal == "acceleration":
             judge.middle(f"{signal}, median delay", delays, 0.150)
             judge.middle(f"{signal}, worst delay", delays, 0.200, 1.0)
         else:
             judge.middle(f"{signal}, worst delay", delays, 0.130, 1.0)
-        judge.share(f"{signal} flagged for 97 %", [m["fraction"] >= 0.97 for m in made], 1.0)
-        judge.share(
-            f"{signal} clear within 1.5 s",
-            [m["clear"] is not None and m["clear"] <= 1.5 for m in made if m["delay"] is not None],
-            1.0,
-        )
+        _to_its_end(judge, signal, 1.0)
     judge.no_blame()
     judge.no_false_events()
 
@@ -160,11 +154,17 @@ def judge_long(judge: Judge) -> None:
     for signal in judge.signals():
         delays = judge.found(signal, 0.99)
         judge.middle(f"{signal}, 99 % within", delays, 0.200, 0.99)
-        made = judge.of(signal)
-        judge.share(f"{signal} flagged for 97 %", [m["fraction"] >= 0.97 for m in made], 0.99)
-        judge.share(f"{signal} clear within 1.5 s", [_clear_within(m, 1.5) for m in made], 0.99)
+        _to_its_end(judge, signal, 0.99)
     judge.no_blame(0.98)
     judge.no_false_events()
+
+
+def _to_its_end(judge: Judge, signal: str, least: float) -> None:
+    """Flagged as long as it is faulty, and not much longer."""
+    made = judge.of(signal)
+    found = [m for m in made if m["delay"] is not None]
+    judge.share(f"{signal} flagged for 97 %", [m["fraction"] >= 0.97 for m in made], least)
+    judge.share(f"{signal} clear within 1.5 s", [_clear_within(m, 1.5) for m in found], least)
 
 
 def _clear_within(made: dict, most: float) -> bool:
