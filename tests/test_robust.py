@@ -521,7 +521,53 @@ def test_after_a_crest_an_acceleration_is_rebuilt_with_the_slope_of_now(car: Car
     assert [r.acceleration for r in rebuilt] == pytest.approx([slope] * len(rebuilt), abs=0.3)
     covered = [abs(r.acceleration - slope) <= 1.96 * r.acceleration_std for r in rebuilt]
     assert np.mean(covered) >= 0.9
-    assert rebuilt[0].acceleration_std < rebuilt[-1].acceleration_std < 0.5
+    # The slope may change until the jump has been measured.
+    assert rebuilt[0].acceleration_std < rebuilt[90].acceleration_std < 0.5
+    assert rebuilt[-1].acceleration_std < 0.25
+
+
+@pytest.mark.parametrize("offset", [4.0, -2.0])
+def test_a_slope_that_changes_under_a_jump_is_followed(car: Car, offset) -> None:
+    car.drive(3.0, acceleration=offset)
+    for k in range(1000):
+        slope = 0.0012 * k
+        now = car.step(acceleration=slope + offset).reconstruction
+        assert now.acceleration == pytest.approx(slope, abs=0.5)
+    end = car.number
+    for _ in range(150):
+        outcome = car.step(acceleration=slope)
+        if outcome.report.acceleration.state == State.FAULT:
+            assert outcome.reconstruction.acceleration == pytest.approx(slope, abs=0.8)
+    assert outcome.report.acceleration.state == State.OK
+    # What the road has become is known: the same slope is no new fault.
+    car.drive(4.0, acceleration=slope)
+    assert not car.faults_since(end)
+
+
+@pytest.mark.parametrize("then", [8.0, -3.0])
+def test_a_jump_that_becomes_another_is_not_taken_for_the_road(car: Car, then) -> None:
+    car.drive(4.0, acceleration=4.0)
+    changed = car.number
+    car.drive(3.0, acceleration=then)
+    rebuilt = [o.reconstruction.acceleration for o in car.outcomes[changed:]]
+    assert rebuilt == pytest.approx([0.0] * len(rebuilt), abs=0.6)
+
+
+def test_a_held_acceleration_is_rebuilt_from_the_speed(car: Car) -> None:
+    """At first it looks like a jump that stays."""
+    for k in range(500):
+        acceleration = min(0.004 * k, 1.0)
+        car.speed += 0.01 * acceleration
+        now = car.step(acceleration_is=4.0).reconstruction
+        if k > 50:
+            assert now.acceleration == pytest.approx(acceleration, abs=0.5)
+
+
+def test_a_jump_that_fades_is_over(car: Car) -> None:
+    car.drive(4.0, acceleration=4.0)
+    for k in range(800):
+        car.step(acceleration=4.0 - 0.005 * k)
+    assert car.drive(3.0).report.acceleration.state == State.OK
 
 
 def test_silence_says_no_data_for_all(car: Car) -> None:

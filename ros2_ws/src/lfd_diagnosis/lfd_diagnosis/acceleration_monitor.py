@@ -104,8 +104,16 @@ ROUGH_TIME_ALONE = 1.5
 SMOOTH = 0.3
 """Time constant in s through which an acceleration is rebuilt from the relative one."""
 
-SLOPE_DRIFT, DRIFT_TIME = 0.145, 4.0
-"""What a road's slope makes of the difference: m/s^2 per square root of a second, for so long."""
+SLOPE_DRIFT, DRIFT_TIME, JUMP_TIME = 0.17, 4.0, 0.45
+"""What a road's slope makes of the difference: m/s^2 per square root of a second, for so long, and
+for so long until a jump has been measured."""
+
+UNDER_JUMP, LARGEST_RATE, LARGEST_SLOPE = 1.0, 0.5, 1.5
+"""Time constant in s with which the slope is followed under a jump, and by how many m/s^3 and m/s^2
+at most."""
+
+THERE = 0.75
+"""Share of a jump by which a sample may be off if it is still the jump that is seen in it."""
 
 SECOND_DIFFERENCES = 6.0
 """How much larger than the variance of a white noise that of its second differences is."""
@@ -134,8 +142,9 @@ BACK, BACK_STEPS = 0.65, 5
 BLIND_STD = 0.7
 """m/s^2 to which an acceleration is known from the lead's alone: how much that varies."""
 
-LEAST = 0.6
-"""m/s^2 within which an acceleration that jumped must come back."""
+LEAST, FADED_STEPS = 0.6, 50
+"""m/s^2 within which an acceleration that jumped must come back, and for how many steps if it did
+not come back at once."""
 
 HELD_CHANGE, HELD_STEPS = 0.2, 2.5
 """m/s^2, and steps of its resolution, by which the speed's derivative must change while the
@@ -173,6 +182,9 @@ ACCELERATION = np.dtype(
         ("confidence", "i8"),
         ("agreeing", "f8"),
         ("reference", "f8"),
+        ("slope_before", "f8"),
+        ("corrected", "?"),
+        ("faded_for", "i8"),
         ("lead_reference", "f8"),
         ("size", "f8"),
         ("size_std", "f8"),
@@ -261,7 +273,8 @@ def _forgive(monitor):
     monitor.faulty, monitor.kind = False, Kind.UNKNOWN
     monitor.because.ground = Ground.NONE
     monitor.confidence, monitor.agreeing = 0, 0.0
-    monitor.reference = monitor.lead_reference = np.nan
+    monitor.reference = monitor.lead_reference = monitor.slope_before = np.nan
+    monitor.corrected, monitor.faded_for = False, 0
     monitor.size = monitor.size_std = monitor.off = np.nan
     monitor.settled = 0
     _forget_baseline(monitor)
@@ -279,6 +292,8 @@ def expected_std(monitor, settings):
     """Standard deviation in m/s^2 of `expected_acceleration`."""
     if not is_usable(monitor.speed, settings):
         return BLIND_STD
+    if monitor.corrected:
+        return monitor.size_std
     since = (monitor.settled + BASELINE_DELAY) * STEP_S
     drift = SLOPE_DRIFT**2 * min(since, DRIFT_TIME)
     # Each sample has noise of its own; the slow mean of the slope is held against only where
@@ -293,11 +308,18 @@ def expected_std(monitor, settings):
 def expected_acceleration(monitor, settings):
     """What a healthy accelerometer would say, in m/s^2: it feels the slope of the road, too."""
     if is_usable(monitor.speed, settings):
+        if monitor.corrected:
+            return _newest(monitor) - monitor.size
         slope = monitor.slope if isnan(monitor.reference) else monitor.reference
         return monitor.acceleration + slope
     if isnan(monitor.lead_reference) or isnan(monitor.lead):
         return monitor.acceleration
     return monitor.lead_reference - monitor.relative_slow
+
+
+@inner
+def _newest(monitor):
+    return at(monitor.samples, monitor.samples.count - 1)
 
 
 @inner
@@ -424,6 +446,7 @@ def _convict(monitor, settings, kind, ground, first, second):
     monitor.confidence, monitor.agreeing = settings.confidence_max, 0.0
     if isnan(monitor.reference):
         monitor.reference = monitor.slope
+    monitor.slope_before, monitor.corrected = monitor.reference, False
     off = monitor.check.residual if monitor.check.ground != Ground.NONE else 0.0
     monitor.size = monitor.off = off
     monitor.size_std, monitor.settled = np.nan, 0
@@ -439,6 +462,8 @@ def _requalify(monitor, settings, disagrees):
         return
     monitor.agreeing += STEP_S
     if monitor.agreeing >= settings.clear_time:
+        if not isnan(monitor.reference):
+            monitor.slope += monitor.reference - monitor.slope_before
         _forgive(monitor)
 
 
@@ -448,19 +473,12 @@ def _against_speed(monitor, settings):
     jerk = jerk_of(monitor.speed)
     off = monitor.filtered - monitor.speed.derivative - _lag(monitor, settings) * jerk
     if monitor.faulty:
-        _still_off(monitor, settings, off)
+        _still_off(monitor, settings, off, jerk)
         return
     if isnan(monitor.baseline):
         monitor.baseline = monitor.slope if monitor.slope_known > 0.0 else off
     learning = 1.0 + 2.0 * max(0.0, 1.0 - monitor.slope_known / WARM_UP)
-    allowance = settings.jerk_allowance * abs(jerk) + BURST * monitor.burst**0.5
-    # A sharp manoeuvre shows every lag that is not known; the accelerometer feels it first.
-    doubt = LAG_DOUBT * LAG_PRIOR / monitor.lag_square
-    allowance += doubt * max(abs(jerk) - CALM_JERK, 0.0)
-    if not monitor.leapt_for:
-        lag = settings.jerk_allowance + doubt
-        own = jerk_between(monitor.filtered, monitor.slow_filtered)
-        allowance += min(lag * max(abs(own) - CALM_JERK, 0.0), LAG_MOST)
+    allowance = _allowance(monitor, settings, jerk)
     sigma = settings.acceleration_sigma
     step, slow = off - monitor.baseline, off - monitor.slope
     step_limit = max(settings.acceleration_step_limit, sigma * deviation(monitor.step_noise))
@@ -478,6 +496,20 @@ def _against_speed(monitor, settings):
         monitor.reference = np.nan
         healthy = abs(step) < LEAST * step_limit
         _learn(monitor, settings, off, jerk, step if healthy else np.nan, slow_limit)
+
+
+@inner
+def _allowance(monitor, settings, jerk):
+    """By how many m/s^2 a jerk or a shaking widens the limits."""
+    allowance = settings.jerk_allowance * abs(jerk) + BURST * monitor.burst**0.5
+    # A sharp manoeuvre shows every lag that is not known; the accelerometer feels it first.
+    doubt = LAG_DOUBT * LAG_PRIOR / monitor.lag_square
+    allowance += doubt * max(abs(jerk) - CALM_JERK, 0.0)
+    if not monitor.leapt_for:
+        lag = settings.jerk_allowance + doubt
+        own = jerk_between(monitor.filtered, monitor.slow_filtered)
+        allowance += min(lag * max(abs(own) - CALM_JERK, 0.0), LAG_MOST)
+    return allowance
 
 
 @inner
@@ -521,12 +553,13 @@ def _follow_baseline(monitor, off):
 
 
 @inner
-def _still_off(monitor, settings, off):
+def _still_off(monitor, settings, off, jerk):
     """A faulty signal against what the difference was before the fault."""
     residual = off - monitor.reference
     monitor.off += 3.0 * STEP_S * (residual - monitor.off)
     monitor.settled += 1
     _estimate_size(monitor, residual)
+    _follow_slope(monitor, settings, off, jerk)
     least = LEAST if monitor.kind == Kind.OFFSET else settings.acceleration_limit
     limit = max(0.5 * abs(monitor.off), least)
     _follow_baseline(monitor, off)
@@ -536,8 +569,34 @@ def _still_off(monitor, settings, off):
     if monitor.back_for >= BACK_STEPS:
         # What made the fault was undone; how the slope has changed meanwhile nobody knows.
         monitor.settling = True
+    faded = abs(off - monitor.slope_before) < min(abs(residual), LEAST)
+    monitor.faded_for = monitor.faded_for + 1 if faded else 0
+    if monitor.faded_for >= FADED_STEPS:
+        # It was not the slope that changed: the jump faded.
+        monitor.reference = monitor.slope_before
     left = 0.0 if monitor.settling else residual
     set_check(monitor.check, Ground.HOST_SPEED, left, limit, monitor.kind, np.nan)
+
+
+@inner
+def _follow_slope(monitor, settings, off, jerk):
+    """A jump stays what it was; what changes slowly under it is the slope that is felt.
+
+    As long as it changes as a healthy signal may, the best that is known of the acceleration is
+    the measurement without the jump.
+    """
+    jump = monitor.kind == Kind.OFFSET and monitor.settled > SIZE_TO and not monitor.settling
+    still = jump and not is_frozen(monitor.repetition, True) and not is_rough(monitor.roughness)
+    change = off - monitor.size - monitor.reference
+    limit = settings.acceleration_step_limit + _allowance(monitor, settings, jerk)
+    newest = _newest(monitor) - monitor.size - monitor.acceleration - monitor.reference
+    there = abs(newest) < THERE * abs(monitor.size)
+    monitor.corrected = still and there and abs(change) < limit
+    if still and abs(change) < limit:
+        rate = max(-LARGEST_RATE, min(LARGEST_RATE, change / UNDER_JUMP))
+        slope = monitor.reference + STEP_S * rate
+        least, most = monitor.slope_before - LARGEST_SLOPE, monitor.slope_before + LARGEST_SLOPE
+        monitor.reference = max(least, min(most, slope))
 
 
 @inner
@@ -548,7 +607,7 @@ def _estimate_size(monitor, residual):
         monitor.size = monitor.off
     elif settled <= SIZE_TO:
         monitor.size += (residual - monitor.size) / (settled - SIZE_FROM + 1)
-    drift = SLOPE_DRIFT**2 * min(settled * STEP_S, 1.0)
+    drift = SLOPE_DRIFT**2 * min(settled * STEP_S, JUMP_TIME)
     monitor.size_std = sqrt(monitor.step_noise.variance + drift)
 
 

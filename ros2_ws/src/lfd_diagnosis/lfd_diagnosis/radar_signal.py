@@ -347,7 +347,7 @@ def _largest_jump(signal):
 
 @inner
 def size_to_tell(signal):
-    """What agreement must be told from: how far off the fault put it, no less than is looked for."""
+    """What agreement must be told from: how far off the fault was, no less than is looked for."""
     return max(_largest_jump(signal), signal.floor)
 
 
