@@ -644,7 +644,10 @@ def _is_frozen(radar, signal, of_clearance):
     change = max(HELD_CHANGE, CHANGE_STEPS * step) + LEAD_DOUBT * max(held_for - 1.0, 0.0)
     off = HELD_OFF * deviation(radar.clearance.noise) + 0.5 * step * held_for
     off += 0.5 * resolution_of(radar.clearance.roughness)
-    should_change = radar.most_changed > change or abs(radar.off_while_held) > off
+    # A clearance that is off itself tells nothing.
+    clearance_tells = not radar.clearance.faulty and not is_bad(radar.clearance)
+    left = clearance_tells and abs(radar.off_while_held) > off
+    should_change = radar.most_changed > change or left
     return radar.host_moves and is_frozen(signal.repetition, should_change)
 
 
