@@ -309,7 +309,7 @@ def _predict(radar, settings, host_acceleration, lead_acceleration):
     if clearance.faulty:
         clearance.coasted += STEP_S
         track.cc += 2.0 * VELOCITY_BIAS**2 * clearance.coasted * STEP_S
-    if not is_radar_faulty(radar):
+    if not radar.velocity.faulty:
         off = track.acceleration - radar.slow_acceleration
         radar.slow_acceleration += STEP_S / SLOW * off
         off = radar.slow_acceleration - radar.slower_acceleration
@@ -516,7 +516,7 @@ def _judge_signal(radar, settings, signal, measured, of_clearance, repeated):
     take_roughness(signal.roughness, measured.value, healthy, possible)
     count_scan(signal, settings.scan_confidence_max)
     if signal.faulty:
-        classify(signal)
+        classify(signal, _should_have_changed(radar, signal, of_clearance))
         _requalify(radar, settings, signal, measured, of_clearance, repeated)
     elif is_ready(radar):
         _suspect(radar, settings, signal, of_clearance)
@@ -631,24 +631,34 @@ def _take_bias(radar, of_clearance):
 @inner
 def _is_frozen(radar, signal, of_clearance):
     """A value repeated for too long, or while the relative velocity says that it changed."""
+    changed = _should_have_changed(radar, signal, of_clearance)
     if of_clearance:
-        if radar.velocity.faulty and repeats(radar.velocity):
-            # Both of them: it is the radar that says the same again and again.
-            return is_frozen(signal.repetition, True)
-        return is_held(signal) and abs(radar.travelled_while_held) > max(
+        own, other = signal.repetition, radar.velocity.repetition
+        together = -own.longest <= other.run - own.run <= other.longest
+        if radar.velocity.faulty and repeats(radar.velocity) and together:
+            # Both since the same scan: it is the radar that says the same again and again.
+            return is_frozen(own, True)
+        return changed and is_held(signal)
+    return radar.host_moves and is_frozen(signal.repetition, changed)
+
+
+@inner
+def _should_have_changed(radar, signal, of_clearance):
+    """Whether a value that repeats itself had reason to change."""
+    clearance = radar.clearance
+    if of_clearance:
+        return abs(radar.travelled_while_held) > max(
             HELD_PATH,
-            HELD_SIGMA * deviation(signal.noise),
-            HELD_STEPS * signal.roughness.resolution,
+            HELD_SIGMA * deviation(clearance.noise),
+            HELD_STEPS * clearance.roughness.resolution,
         )
     step, held_for = resolution_of(signal.roughness), signal.last_at - radar.held_since
     change = max(HELD_CHANGE, CHANGE_STEPS * step) + LEAD_DOUBT * max(held_for - 1.0, 0.0)
-    off = HELD_OFF * deviation(radar.clearance.noise) + 0.5 * step * held_for
-    off += 0.5 * resolution_of(radar.clearance.roughness)
+    off = HELD_OFF * deviation(clearance.noise) + 0.5 * step * held_for
+    off += 0.5 * resolution_of(clearance.roughness)
     # A clearance that is off itself tells nothing.
-    clearance_tells = not radar.clearance.faulty and not is_bad(radar.clearance)
-    left = clearance_tells and abs(radar.off_while_held) > off
-    should_change = radar.most_changed > change or left
-    return radar.host_moves and is_frozen(signal.repetition, should_change)
+    tells = not clearance.faulty and not is_bad(clearance)
+    return radar.most_changed > change or (tells and abs(radar.off_while_held) > off)
 
 
 @inner

@@ -238,13 +238,13 @@ def forgive(signal):
 
 
 @inner
-def classify(signal):
+def classify(signal, should_have_changed):
     """What began as a jump may turn out to be something else."""
     if signal.kind != Kind.OFFSET and signal.kind != Kind.RAMP:
         return
     if signal.last == 0.0 and signal.repetition.run >= 3:
         signal.kind = Kind.ZERO
-    elif is_held(signal) and is_frozen(signal.repetition, True):
+    elif is_held(signal) and is_frozen(signal.repetition, should_have_changed):
         signal.kind = Kind.HOLD
     elif is_rough(signal.roughness) and signal.kind == Kind.OFFSET:
         signal.kind = Kind.NOISE
