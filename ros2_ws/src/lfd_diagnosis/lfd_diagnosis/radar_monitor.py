@@ -76,8 +76,12 @@ BIAS_SCANS = 40
 READY_SCANS = 3
 """Scans of one target after which it is judged."""
 
-LEARNING = 40.0
-"""Scans over which limits come down from thrice to once their width while noise is learnt."""
+LEARNING, FEW_SCANS, SEEN = 40.0, 10, 3.0
+"""Scans over which limits come down from thrice to once their width while noise is learnt; sooner,
+after some scans, to so many times the largest residual that was seen."""
+
+LEANING, LEANS = 3, 2.0
+"""Residuals in a row on one side, beyond so many deviations, after which it is no noise."""
 
 CORRELATION = 3.0
 """Seconds over which the lead's acceleration is known when it is not measured."""
@@ -484,7 +488,11 @@ def _knows(radar, settings, track_id, changed):
 @inner
 def _widening(radar):
     """How much wider limits are while the noise is being learnt."""
-    return 1.0 + 2.0 * exp(-radar.clearance.noise.count / LEARNING)
+    scans = radar.clearance.noise.count
+    wide = 1.0 + 2.0 * exp(-scans / LEARNING)
+    if scans < FEW_SCANS:
+        return wide
+    return min(wide, max(1.0, SEEN * max(radar.clearance.roughest, radar.velocity.roughest)))
 
 
 @inner
@@ -558,9 +566,9 @@ def _judge(radar, settings, repeated):
         if has_clearance:
             # What it lies beside the track for good is no noise: that would widen the limits and
             # leave the track to the relative velocity alone, which takes it further away.
-            learn_noise(clearance.noise, clearance.residual - clearance.bias, clearance_variance)
+            _learn(clearance, clearance.residual - clearance.bias, clearance_variance)
         if has_velocity:
-            learn_noise(velocity.noise, velocity.residual, velocity_variance)
+            _learn(velocity, velocity.residual, velocity_variance)
     if has_clearance and good_clearance:
         correct_clearance(track, clearance.residual, clearance.noise.variance)
     if has_velocity and good_velocity:
@@ -575,6 +583,19 @@ def _judge(radar, settings, repeated):
         _follow_path(radar, settings)
     elif clearance.faulty:
         _look_for_agreement(radar, settings)
+
+
+@inner
+def _learn(signal, off, variance):
+    """Noise is now on this side, now on that; what stays on one side is something else."""
+    beyond = abs(off) > LEANS * deviation_about(signal, variance)
+    same = off * signal.leaning > 0.0
+    signal.leaning = (
+        (1.0 if off > 0.0 else -1.0) + (signal.leaning if same else 0.0) if beyond else 0.0
+    )
+    if abs(signal.leaning) <= LEANING:
+        learn_noise(signal.noise, off, variance)
+        signal.roughest = max(signal.roughest, abs(off) / signal.floor)
 
 
 @inner

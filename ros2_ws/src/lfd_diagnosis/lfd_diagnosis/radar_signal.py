@@ -85,6 +85,8 @@ RADAR_SIGNAL = np.dtype(
         ("tellable", "?"),
         ("coasted", "f8"),
         ("bias", "f8"),
+        ("leaning", "f8"),
+        ("roughest", "f8"),
         ("estimate", "f8"),
         ("agreeing", "f8"),
         ("agreed", "f8"),
@@ -111,7 +113,7 @@ def start_signal(signal, floor, std, lowest, learn):
     start_noise(signal.noise, std, lowest, 10.0 * std, learn, 400)
     start_roughness(signal.roughness, 16)
     start_repetition(signal.repetition, 8)
-    signal.residual_before = 0.0
+    signal.residual_before = signal.leaning = signal.roughest = 0.0
     signal.outliers = 0
     signal.coasted = 0.0
     signal.estimate = np.nan
