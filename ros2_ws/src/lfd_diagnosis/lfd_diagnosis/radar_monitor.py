@@ -64,6 +64,7 @@ from lfd_diagnosis.travelled_path import (
     path_length,
     path_limit,
     start_path,
+    wander,
 )
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
@@ -117,6 +118,9 @@ TAKEN_BACK = 2.0
 
 CLEARANCE_STD, VELOCITY_STD = 0.22, 0.3
 """How well a track is known, in m and m/s, that a contradiction was explained with."""
+
+WANDERING = 4.0
+"""Scans for which a clearance stays where it wandered to: so much less it tells of a velocity."""
 
 PATH_SIGMA = 3.0
 """Deviations of the clearance's noise that a path may be off."""
@@ -570,7 +574,11 @@ def _judge(radar, settings, repeated):
         if has_velocity:
             _learn(velocity, velocity.residual, velocity_variance)
     if has_clearance and good_clearance:
-        correct_clearance(track, clearance.residual, clearance.noise.variance)
+        variance = clearance.noise.variance
+        if velocity.faulty:
+            drifted = VELOCITY_BIAS * settings.drift_window
+            variance += WANDERING * wander(radar.path, variance, drifted)
+        correct_clearance(track, clearance.residual, variance)
     if has_velocity and good_velocity:
         now = track.velocity - age * (track.acceleration - radar.host)
         correct_velocity(track, measured_velocity.value - now, velocity.noise.variance)

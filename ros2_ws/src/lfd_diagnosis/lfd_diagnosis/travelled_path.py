@@ -9,6 +9,9 @@ from lfd_mpc.compiled import inner
 MEAN = 0.25
 """Seconds at both ends of the window that are averaged."""
 
+AVERAGED = 5.0
+"""How many times smaller a clearance's noise is in such an average."""
+
 LEAST_TIME, LEAST_POINTS = 1.0, 10
 """Seconds of path from which on it is judged, and points from which it is explained."""
 
@@ -109,6 +112,13 @@ def path_limit(path, settings, widening, resolution):
     """Drift in m beyond which the two contradict each other, the clearance in such steps."""
     least = max(settings.drift_limit, STEPS * resolution)
     return widening * max(least, SIGMA * deviation(path.noise))
+
+
+@inner
+def wander(path, noise, drifted):
+    """Variance in m^2 of what a clearance lies beside the path for a while, beyond its `noise` and
+    what it may have `drifted` (m): a radar that sees now this, now that part of the car."""
+    return max(0.5 * (path.noise.variance - drifted * drifted) - noise / AVERAGED, 0.0)
 
 
 @inner
