@@ -563,6 +563,54 @@ def test_a_held_acceleration_is_rebuilt_from_the_speed(car: Car) -> None:
             assert now.acceleration == pytest.approx(acceleration, abs=0.5)
 
 
+@pytest.mark.parametrize("offset", [2.0, -4.0])
+def test_a_steady_lead_behind_a_faulty_clearance_is_no_held_radar(offset) -> None:
+    """A relative velocity in coarse steps says the same again and again where nothing changes."""
+    car = Car()
+    for _ in range(2500):
+        seen = 0.1 * round(car.random.normal(0.0, 0.05) / 0.1)
+        car.step(relative_velocity_is=seen)
+    start = car.number
+    car.drive(1.5, clearance=offset, relative_velocity_is=0.1)
+    assert car.faults_since(start) - {"radar"} == {"clearance"}
+
+
+@pytest.mark.parametrize("offset", [2.0, -2.0])
+def test_a_fault_soon_after_the_start_is_seen_and_hides_no_other(offset) -> None:
+    car = Car()
+    car.drive(1.5)
+    for _ in range(3):
+        start = car.number
+        car.drive(4.0, clearance=offset)
+        assert car.faults_since(start) - {"radar"} == {"clearance"}
+        assert car.delay("clearance", start) <= 0.13
+        assert car.drive(4.0).report.clearance.state == State.OK
+
+
+def test_what_stays_on_one_side_is_no_noise(car: Car) -> None:
+    """A shift below the limit must not widen it."""
+    for k in range(20):
+        car.drive(1.0, clearance=1.2 * (k % 2))
+    start = car.number
+    car.drive(1.0, clearance=2.0)
+    assert "clearance" in car.faults_since(start) and car.delay("clearance", start) <= 0.13
+
+
+def test_a_clearance_that_wanders_tells_less_of_a_relative_velocity(car: Car) -> None:
+    """A real radar sees now this, now that part of a car, for some scans each."""
+    wanders = np.cumsum(car.random.normal(0.0, 0.04, 6000))
+    wanders -= np.convolve(wanders, np.ones(300) / 300, "same")
+    for k in range(4000):
+        car.step(clearance=wanders[k])
+    start = car.number
+    for k in range(4000, 4400):
+        now = car.step(clearance=wanders[k], relative_velocity=2.0).reconstruction
+        if k > 4020:
+            assert now.relative_velocity == pytest.approx(0.0, abs=0.7)
+            assert abs(now.relative_velocity) < 3.0 * now.relative_velocity_std
+    assert car.faults_since(start) - {"radar"} == {"relative_velocity"}
+
+
 def test_a_jump_that_fades_is_over(car: Car) -> None:
     car.drive(4.0, acceleration=4.0)
     for k in range(800):
