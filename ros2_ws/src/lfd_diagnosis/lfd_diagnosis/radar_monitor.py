@@ -661,20 +661,27 @@ def _take_bias(radar, of_clearance):
 def _is_frozen(radar, signal, of_clearance):
     """A value repeated for too long, or while the relative velocity says that it changed."""
     changed = _should_have_changed(radar, signal, of_clearance)
-    if of_clearance:
-        own, other = signal.repetition, radar.velocity.repetition
-        together = -own.longest <= other.run - own.run <= other.longest
-        if radar.velocity.faulty and repeats(radar.velocity) and together:
-            # Both since the same scan: it is the radar that says the same again and again.
-            return is_frozen(own, True)
+    if of_clearance and not _repeats_itself(radar):
         return changed and is_held(signal)
     return radar.host_moves and is_frozen(signal.repetition, changed)
+
+
+@inner
+def _repeats_itself(radar):
+    """Whether the radar says the same again and again: one signal does, the other since then."""
+    clearance, velocity = radar.clearance, radar.velocity
+    own, other = clearance.repetition, velocity.repetition
+    together = -own.longest <= other.run - own.run <= other.longest
+    held = (clearance.faulty and repeats(clearance)) or (velocity.faulty and repeats(velocity))
+    return held and together
 
 
 @inner
 def _should_have_changed(radar, signal, of_clearance):
     """Whether a value that repeats itself had reason to change."""
     clearance = radar.clearance
+    if _repeats_itself(radar):
+        return True
     if of_clearance:
         return abs(radar.travelled_while_held) > max(
             HELD_PATH,
@@ -752,9 +759,9 @@ def _requalify(radar, settings, signal, measured, of_clearance, repeated):
         agrees = measured.at - radar.lost_since >= settings.requalify_time
     if agrees:
         forgive(signal)
-        # What was followed while it was faulty tells nothing about it now.
-        clear_path(radar.path)
         if not is_radar_faulty(radar):
+            # What was followed while it was faulty tells nothing about it now.
+            clear_path(radar.path)
             radar.lost = False
 
 
