@@ -1,16 +1,20 @@
 """Every track of the recorded radar as a drive of its own: many cars, real radar, one host."""
 
 import csv
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import RADAR, RadarSample, Sample
+from lfd_mpc.sampling import ACCELERATION, RadarSample, Sample, playing_order
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
 
 TRACK = "track "
 """A track of the recorded radar by itself; its number follows."""
+
+BACKWARD = "backward "
+"""A recorded drive played from its end to its beginning; its name follows."""
 
 COUNT = 33
 """Tracks of the recorded radar that are long enough."""
@@ -58,6 +62,26 @@ def track_drive(folder: Path, number: int) -> Drive:
         raise UserError(f"{folder}: track {number} of {len(tracks)} in the recording")
     track = tracks[number]
     first, last = track[0].stamp, track[-1].stamp
-    host = [s for s in load_drive(RECORDED, folder).samples if s.input != RADAR]
+    host = [s for s in load_drive(RECORDED, folder).samples if not isinstance(s, RadarSample)]
     samples: list[Sample] = [*(s for s in host if first <= s.stamp <= last), *track]
     return Drive(f"{TRACK}{number}", sorted(samples, key=lambda sample: sample.stamp))
+
+
+def backward(drive: Drive) -> Drive:
+    """A drive from its end to its beginning: another drive, with the same sensors.
+
+    What came nearer goes away, what braked speeds up. Clearances and speeds stay what they are, so
+    that real sensors keep their noise, their steps and their wandering.
+    """
+    first, last = drive.zero, drive.zero + round(drive.duration * 1e9)
+    samples: list[Sample] = []
+    for sample in drive.samples:
+        stamp = first + last - sample.stamp
+        if isinstance(sample, RadarSample):
+            velocity = -sample.relative_velocity
+            samples.append(replace(sample, stamp=stamp, relative_velocity=velocity))
+        elif sample.input == ACCELERATION:
+            samples.append(replace(sample, stamp=stamp, value=-sample.value))
+        else:
+            samples.append(replace(sample, stamp=stamp))
+    return Drive(f"{BACKWARD}{drive.name}", sorted(samples, key=playing_order))

@@ -7,7 +7,8 @@ import numpy as np
 
 from lfd_replay.evaluation.cases import RECORDED, RECORDED_RADAR_FIRST, SCAN
 from lfd_replay.evaluation.fault_windows import PAPER, PAUSE, WARM_UP
-from lfd_replay.evaluation.requirements.windows import NEAREST, Run
+from lfd_replay.evaluation.recorded_tracks import BACKWARD, TRACK
+from lfd_replay.evaluation.requirements.windows import AFTER, NEAREST, Run
 from lfd_replay.generated.lead_profiles import NORMAL, lead_profile
 
 COMBINATIONS = {
@@ -150,3 +151,32 @@ def nearest(values: tuple) -> list[Run]:
     """Table 3's faults where the radar's ids change all the time."""
     given = ",".join(f"{signal}={value:g}" for signal, value in values)
     return [Run(NEAREST, 0, (f"offset:{given}@{t}-{t + 5.0}",)) for t in NEAREST_FAULTS]
+
+
+REAL = {
+    RECORDED: (RECORDED_RADAR_FIRST, 59.9),
+    NEAREST: (0.0, 59.9),
+    **{f"{TRACK}{k}": (0.0, end) for k, end in enumerate((52.7, 47.8, 40.7, 26.3, 22.8, 21.1))},
+}
+"""Recorded leads that are followed for long enough: from when to when, in s of drive time."""
+
+SHIFTS = (0.0, 3.0, 6.0)
+"""Seconds by which faults are shifted, so that they lie all along a drive."""
+
+
+def real(extent: Extent, values: tuple, signed: bool) -> list[Run]:
+    """Faults all along every recorded lead, forward and backward."""
+    runs = []
+    for drive, (first, last) in REAL.items():
+        for shift in SHIFTS[: extent.starts]:
+            for view, begin in (("", first), (BACKWARD, 0.0)):
+                texts: list[str] = []
+                start = begin + WARM_UP + shift
+                while start + LENGTH + AFTER < begin + last - first:
+                    sign = -1.0 if signed and len(texts) % 2 else 1.0
+                    given = ",".join(f"{signal}={sign * value:g}" for signal, value in values)
+                    texts.append(f"offset:{given}@{start:.4f}-{start + LENGTH:.4f}")
+                    start += LENGTH + PAUSE
+                if texts:
+                    runs.append(Run(f"{view}{drive}", 1, tuple(texts)))
+    return runs

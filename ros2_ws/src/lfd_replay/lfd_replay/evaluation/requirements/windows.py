@@ -1,6 +1,6 @@
 """One drive with faults through both profiles: what each made of every window."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from lfd_diagnosis.verdict import State
 from lfd_mpc.sampling import HOST_SPEED, LEAD_ACCELERATION, Sample, ScalarSample
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
-from lfd_replay.evaluation.recorded_tracks import TRACK, track_drive
+from lfd_replay.evaluation.recorded_tracks import BACKWARD, TRACK, backward, track_drive
 from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.generated.generate import drive_truth, generate_drive
@@ -61,6 +61,8 @@ class Run:
 
 def load(run: Run, recorded: Path | None) -> Drive:
     """The drive of a run."""
+    if run.drive.startswith(BACKWARD):
+        return backward(load(replace(run, drive=run.drive.removeprefix(BACKWARD)), recorded))
     if run.drive == NEAREST:
         base = f"{recorded}/{RECORDED}"
         return join_drive(
