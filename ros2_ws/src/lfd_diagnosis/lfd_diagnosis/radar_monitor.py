@@ -827,18 +827,18 @@ def _follow_path(radar, settings):
 
 @inner
 def _look_for_agreement(radar, settings):
-    """Whether faulty signals agree with each other since, which is enough for two kinds.
+    """Whether faulty signals agree with each other since: a relative velocity that makes the path
+    which the clearance goes is right, whatever the track was coasted to.
 
-    A radar that gives no ids: both jumped, but a fault of both leaves them contradicting each
-    other; another car does not. Signals that repeated themselves or were rough: they do not any
-    more, and the track may have been coasted too far to tell anything.
+    Signals that repeated themselves or were rough are over with it. Others may have been another
+    car, of a radar that gives no ids, or a fault that began with the target and ended: they must
+    agree with a track of their own for longer.
     """
     clearance, velocity, path = radar.clearance, radar.velocity, radar.path
-    another = radar.id == UNKNOWN_TRACK and velocity.faulty
     over = shows_itself(clearance) and (shows_itself(velocity) or not velocity.faulty)
-    if radar.lost or not (another or over):
+    if radar.lost or not (velocity.faulty or over):
         return
-    if over and (still_shows(clearance) or still_shows(velocity)):
+    if still_shows(clearance) or still_shows(velocity):
         clear_path(path)
         return
     at = radar.measured_clearance.at
