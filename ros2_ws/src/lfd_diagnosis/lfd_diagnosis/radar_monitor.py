@@ -415,6 +415,16 @@ def _cut_path(radar):
 
 
 @inner
+def _skip_step(radar):
+    """The path goes on as if the clearance had moved as its relative velocity says."""
+    clearance, velocity, path = radar.measured_clearance, radar.measured_velocity, radar.path
+    period = clearance.at - path.then
+    path.clearance = clearance.value - 0.5 * (velocity.value + path.velocity) * period
+    restart_roughness(radar.clearance.roughness)
+    restart_roughness(radar.velocity.roughness)
+
+
+@inner
 def _is_another(radar, settings, track_id):
     """Sort out a new track id, or a silence; whether a new target was begun."""
     at = radar.measured_clearance.at
@@ -424,7 +434,11 @@ def _is_another(radar, settings, track_id):
     if not changed and not silent:
         return False
     if settings.same_car and _knows(radar, settings, track_id, changed):
-        _cut_path(radar)
+        if is_radar_faulty(radar) and radar.path.count:
+            # What agrees since goes on, but for the step.
+            _skip_step(radar)
+        else:
+            _cut_path(radar)
         return False
     if is_radar_faulty(radar):
         radar.lost, radar.lost_since = True, at
