@@ -72,22 +72,15 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
     add("both radar signals for 8 s", long, judges.judge_long)
     add("both radar signals for 8 s, rebuilt", long, rebuilt)
     if recorded:
+        of_recorded = partial(judges.judge_rebuilt, recorded=True)
         for name, values in plan.COMBINATIONS.items():
             runs = plan.real(extent, values, signed=False)
             add(f"real leads: {name}", runs, judges.judge_long)
-            add(
-                f"real leads: {name}, rebuilt",
-                runs,
-                partial(judges.judge_rebuilt, recorded=True),
-            )
+            add(f"real leads: {name}, rebuilt", plan.as_driven(runs), of_recorded)
         for signal in plan.OFFSETS:
             runs = plan.real(extent, ((signal, 2.0),), signed=True)
             add(f"real leads: {signal} +-2", runs, partial(judges.judge_offset, size=2.0))
-            add(
-                f"real leads: {signal} +-2, rebuilt",
-                runs,
-                partial(judges.judge_rebuilt, recorded=True),
-            )
+            add(f"real leads: {signal} +-2, rebuilt", plan.as_driven(runs), of_recorded)
     held = tuple((signal, None) for signal, _ in radar)
     frozen = plan.spread("hold", held, extent.few, extent.seeds, plan.LENGTH, signed=False)
     add("the whole radar held", frozen, judges.judge_held_radar)

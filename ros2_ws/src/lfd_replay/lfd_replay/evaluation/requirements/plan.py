@@ -155,7 +155,6 @@ def nearest(values: tuple) -> list[Run]:
 
 REAL = {
     RECORDED: (RECORDED_RADAR_FIRST, 59.9),
-    NEAREST: (0.0, 59.9),
     **{f"{TRACK}{k}": (0.0, end) for k, end in enumerate((52.7, 47.8, 40.7, 26.3, 22.8, 21.1))},
 }
 """Recorded leads that are followed for long enough: from when to when, in s of drive time."""
@@ -180,3 +179,8 @@ def real(extent: Extent, values: tuple, signed: bool) -> list[Run]:
                 if texts:
                     runs.append(Run(f"{view}{drive}", 1, tuple(texts)))
     return runs
+
+
+def as_driven(runs: list[Run]) -> list[Run]:
+    """Those that are not played backward: what coasting relies on is how people drive."""
+    return [run for run in runs if not run.drive.startswith(BACKWARD)]
