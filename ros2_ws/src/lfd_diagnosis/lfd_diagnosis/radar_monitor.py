@@ -328,12 +328,13 @@ def _predict(radar, settings, host_acceleration, lead_acceleration):
 def _scan(radar, settings, track_id):
     """One scan, or the one signal of it that is there."""
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
-    healthy = not is_radar_faulty(radar)
+    # Where one of the two is held, the other may be, too.
+    held = repeats(radar.clearance) or repeats(radar.velocity)
     same_clearance = clearance.new and take_repetition(
-        radar.clearance.repetition, clearance.value, healthy
+        radar.clearance.repetition, clearance.value, not (radar.clearance.faulty or held)
     )
     same_velocity = velocity.new and take_repetition(
-        radar.velocity.repetition, velocity.value, healthy
+        radar.velocity.repetition, velocity.value, not (radar.velocity.faulty or held)
     )
     whole = clearance.new and velocity.new
     if same_clearance and radar.has_track and not radar.velocity.faulty:

@@ -44,8 +44,8 @@ BEFORE, AFTER, DOUBT = 12, 4, 3.9
 LAST, SEEN = 3, 0.5
 """Residuals just before a jump back, and share of it by which the new ones must differ."""
 
-SIZE_TIME = 0.3
-"""Time constant in s of the size of a fault."""
+SIZE_TIME, CHANGED = 0.3, 0.5
+"""Time constant in s of the size of a fault, and share by which a jump must have changed."""
 
 TOLERANCE, MOST_DOUBT = 0.3, 0.6
 """Share of a jump by which the jump back may differ from it, and share that noise may be of it."""
@@ -80,6 +80,7 @@ RADAR_SIGNAL = np.dtype(
         ("confidence", "i8"),
         ("outliers", "i8"),
         ("faulty", "?"),
+        ("faulty_scans", "i8"),
         ("kind", "i8"),
         ("because", BECAUSE),
         ("tellable", "?"),
@@ -116,6 +117,7 @@ def start_signal(signal, floor, std, lowest, learn):
     signal.residual_before = signal.leaning = signal.roughest = 0.0
     signal.outliers = 0
     signal.coasted = 0.0
+    signal.faulty_scans = 0
     signal.estimate = np.nan
     start_ring(signal.first, FIRST)
     start_ring(signal.recent, BEFORE + AFTER)
@@ -219,7 +221,7 @@ def acquit(signal):
 @inner
 def convict(signal, kind, confidence):
     """Faulty from now on; its `because` is for the caller to state."""
-    signal.faulty, signal.kind = True, kind
+    signal.faulty, signal.kind, signal.faulty_scans = True, kind, 0
     signal.confidence = confidence
     signal.estimate = signal.residual
     if not signal.first.count:
@@ -242,11 +244,14 @@ def forgive(signal):
 @inner
 def classify(signal, should_have_changed):
     """What began as a jump may turn out to be something else."""
+    signal.faulty_scans += 1
     if signal.kind != Kind.OFFSET and signal.kind != Kind.RAMP:
         return
-    if signal.last == 0.0 and signal.repetition.run >= 3:
+    # What was held has said the same ever since.
+    ever_since = signal.repetition.run >= signal.faulty_scans
+    if signal.last == 0.0 and signal.repetition.run >= 3 and ever_since:
         signal.kind = Kind.ZERO
-    elif is_held(signal) and is_frozen(signal.repetition, should_have_changed):
+    elif ever_since and is_held(signal) and is_frozen(signal.repetition, should_have_changed):
         signal.kind = Kind.HOLD
     elif is_rough(signal.roughness) and signal.kind == Kind.OFFSET:
         signal.kind = Kind.NOISE
@@ -376,9 +381,11 @@ def follow_agreement(signal, period, step, spread, sigma):
         # What is known to be off by so much has not come back while it is off by half of it.
         bound = min(bound, max(0.5 * abs(signal.estimate), 3.0 * spread))
     off = is_bad(signal) or abs(signal.residual) > bound
-    if off:
-        share = min(period / SIZE_TIME, 1.0)
-        signal.estimate += share * (signal.residual - signal.estimate)
+    change = signal.residual - signal.estimate
+    # The jump is known best just after it, before its reference has been coasted for long.
+    jumped = signal.kind == Kind.OFFSET and is_full(signal.first)
+    if off and not (jumped and abs(change) < CHANGED * abs(signal.estimate)):
+        signal.estimate += min(period / SIZE_TIME, 1.0) * change
     if off or (repeats(signal) and is_held(signal)) or is_rough(signal.roughness):
         signal.came_back = False
         restart_agreement(signal)
