@@ -611,6 +611,31 @@ def test_a_clearance_that_wanders_tells_less_of_a_relative_velocity(car: Car) ->
     assert car.faults_since(start) - {"radar"} == {"relative_velocity"}
 
 
+@pytest.mark.parametrize("offset", [2.0, -1.5])
+def test_an_offset_of_a_steady_relative_velocity_stays_an_offset(offset) -> None:
+    """Equal samples that began after the fault make no hold of it."""
+    car = Car()
+    for k in range(2900):
+        seen = (
+            0.5 * round(car.random.normal(0.0, 0.2) / 0.5) if k < 2500 else 0.5 * (2510 <= k < 2530)
+        )
+        fault = 0.0 if k < 2500 else offset
+        car.step(relative_velocity_is=seen + fault)
+    verdict = car.outcomes[-1].report.relative_velocity
+    assert verdict.state == State.FAULT and verdict.kind == Kind.OFFSET
+    assert verdict.size == pytest.approx(offset, abs=0.6)
+
+
+def test_a_jump_has_the_size_it_began_with(car: Car) -> None:
+    """Later its reference has been coasted: a lead that brakes is no change of the fault."""
+    car.drive(1.0, clearance=4.0, relative_velocity=-10.0)
+    car.lead_acceleration = -0.5
+    verdict = car.drive(3.0, clearance=4.0, relative_velocity=-10.0).report.relative_velocity
+    assert verdict.size == pytest.approx(-10.0, abs=0.5)
+    verdict = car.drive(1.0, clearance=4.0, relative_velocity=-18.0).report.relative_velocity
+    assert verdict.size == pytest.approx(-18.0, abs=2.5)
+
+
 def test_a_jump_that_fades_is_over(car: Car) -> None:
     car.drive(4.0, acceleration=4.0)
     for k in range(800):

@@ -385,7 +385,7 @@ def follow_agreement(signal, period, step, spread, sigma):
     # The jump is known best just after it, before its reference has been coasted for long.
     jumped = signal.kind == Kind.OFFSET and is_full(signal.first)
     if off and not (jumped and abs(change) < CHANGED * abs(signal.estimate)):
-        signal.estimate += min(period / SIZE_TIME, 1.0) * change
+        signal.estimate += (1.0 if jumped else min(period / SIZE_TIME, 1.0)) * change
     if off or (repeats(signal) and is_held(signal)) or is_rough(signal.roughness):
         signal.came_back = False
         restart_agreement(signal)
