@@ -1,14 +1,17 @@
 """The recorded drive shows what a faithful build shows."""
 
+import itertools
 import json
 from pathlib import Path
 
 import pytest
 
 from lfd_diagnosis.verdict import State
+from lfd_mpc.sampling import playing_order
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
-from lfd_replay.evaluation.recorded_tracks import COUNT, recorded_tracks, track_drive
+from lfd_replay.evaluation.recorded_tracks import COUNT, backward, recorded_tracks, track_drive
+from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.import_drive import main_import
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import graph_settings
@@ -135,3 +138,36 @@ def test_no_track_of_the_recorded_radar_is_called_faulty(data: Path) -> None:
                 ]
     assert seconds > 400.0
     assert said == []
+
+
+def test_a_drive_played_backward_is_another_drive_of_the_same_sensors(data: Path) -> None:
+    drive = track_drive(data, 0)
+    reverse = backward(drive)
+    assert (reverse.zero, reverse.duration) == (drive.zero, drive.duration)
+    scans = [s for s in reverse.samples if s.input == "radar"]
+    travelled = sum(
+        0.5e-9 * (a.relative_velocity + b.relative_velocity) * (b.stamp - a.stamp)
+        for a, b in itertools.pairwise(scans)
+    )
+    assert scans[-1].clearance - scans[0].clearance == pytest.approx(travelled, abs=3.0)
+    assert abs(travelled) > 5.0
+    again = backward(reverse)
+    assert sorted(again.samples, key=playing_order) == sorted(drive.samples, key=playing_order)
+
+
+@pytest.mark.parametrize(
+    ("number", "fault"),
+    [(1, "clearance=2@11.3-15.3"), (0, "clearance=-2@36-40"), (2, "clearance=2@31.6-35.6")],
+)
+def test_a_real_radar_that_says_the_same_for_a_while_is_not_held(data, number, fault) -> None:
+    drive = track_drive(data, number)
+    samples = FaultInjector(parse_faults([f"offset:{fault}"]), drive.zero, 1).apply(drive.samples)
+    graph = OfflineGraph(graph_settings("robust"))
+    said = {
+        event.signal
+        for rows in graph.rows(samples)
+        for outcome in graph.outcomes(rows)
+        for event in outcome.events
+        if event.fault.state == State.FAULT
+    }
+    assert said == {"clearance", "radar"}

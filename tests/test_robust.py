@@ -616,11 +616,11 @@ def test_an_offset_of_a_steady_relative_velocity_stays_an_offset(offset) -> None
     """Equal samples that began after the fault make no hold of it."""
     car = Car()
     for k in range(2900):
-        seen = (
-            0.5 * round(car.random.normal(0.0, 0.2) / 0.5) if k < 2500 else 0.5 * (2510 <= k < 2530)
-        )
-        fault = 0.0 if k < 2500 else offset
-        car.step(relative_velocity_is=seen + fault)
+        if k < 2500:
+            seen = 0.5 * round(car.random.normal(0.0, 0.2) / 0.5)
+        else:
+            seen = offset + 0.5 * (2510 <= k < 2530)
+        car.step(relative_velocity_is=seen)
     verdict = car.outcomes[-1].report.relative_velocity
     assert verdict.state == State.FAULT and verdict.kind == Kind.OFFSET
     assert verdict.size == pytest.approx(offset, abs=0.6)
