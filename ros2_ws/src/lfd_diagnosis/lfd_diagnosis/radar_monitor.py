@@ -611,7 +611,9 @@ def _judge(radar, settings, repeated):
 @inner
 def _learn(signal, off, variance):
     """Noise is now on this side, now on that; what stays on one side is something else."""
-    beyond = abs(off) > LEANS * deviation_about(signal, variance)
+    # The steps of a coarse signal are noise, though they stay on one side for a while.
+    usual = LEANS * deviation_about(signal, variance) + resolution_of(signal.roughness)
+    beyond = abs(off) > usual
     same = off * signal.leaning > 0.0
     signal.leaning = (
         (1.0 if off > 0.0 else -1.0) + (signal.leaning if same else 0.0) if beyond else 0.0

@@ -89,6 +89,7 @@ RADAR_SIGNAL = np.dtype(
         ("leaning", "f8"),
         ("roughest", "f8"),
         ("estimate", "f8"),
+        ("size", "f8"),
         ("agreeing", "f8"),
         ("agreed", "f8"),
         ("agreed_scans", "f8"),
@@ -103,7 +104,8 @@ RADAR_SIGNAL = np.dtype(
 )
 """State of one signal; lengths in its own unit (m or m/s), times in s.
 
-`estimate` is how far a faulty signal is off, `history` times and residuals of a drift.
+`estimate` is how far a faulty signal is off its reference, `size` how far its fault put it,
+`history` times and residuals of a drift.
 """
 
 
@@ -118,7 +120,7 @@ def start_signal(signal, floor, std, lowest, learn):
     signal.outliers = 0
     signal.coasted = 0.0
     signal.faulty_scans = 0
-    signal.estimate = np.nan
+    signal.estimate = signal.size = np.nan
     start_ring(signal.first, FIRST)
     start_ring(signal.recent, BEFORE + AFTER)
     signal.history_count = signal.history_first = 0
@@ -153,7 +155,7 @@ def index_of(signal):
 def size_of(signal):
     """How far a faulty signal is off; NaN where that says nothing."""
     tells = signal.kind == Kind.OFFSET or signal.kind == Kind.RAMP
-    return signal.estimate if tells else np.nan
+    return signal.size if tells else np.nan
 
 
 @inner
@@ -223,7 +225,7 @@ def convict(signal, kind, confidence):
     """Faulty from now on; its `because` is for the caller to state."""
     signal.faulty, signal.kind, signal.faulty_scans = True, kind, 0
     signal.confidence = confidence
-    signal.estimate = signal.residual
+    signal.estimate = signal.size = signal.residual
     if not signal.first.count:
         append(signal.first, signal.residual)
     signal.came_back = False
@@ -381,11 +383,13 @@ def follow_agreement(signal, period, step, spread, sigma):
         # What is known to be off by so much has not come back while it is off by half of it.
         bound = min(bound, max(0.5 * abs(signal.estimate), 3.0 * spread))
     off = is_bad(signal) or abs(signal.residual) > bound
-    change = signal.residual - signal.estimate
-    # The jump is known best just after it, before its reference has been coasted for long.
+    if off:
+        share = min(period / SIZE_TIME, 1.0)
+        signal.estimate += share * (signal.residual - signal.estimate)
+    # A jump is known best just after it, before its reference has been coasted for long.
     jumped = signal.kind == Kind.OFFSET and is_full(signal.first)
-    if off and not (jumped and abs(change) < CHANGED * abs(signal.estimate)):
-        signal.estimate += (1.0 if jumped else min(period / SIZE_TIME, 1.0)) * change
+    if not jumped or abs(signal.estimate - signal.size) > CHANGED * abs(signal.size):
+        signal.size = signal.estimate
     if off or (repeats(signal) and is_held(signal)) or is_rough(signal.roughness):
         signal.came_back = False
         restart_agreement(signal)
