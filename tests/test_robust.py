@@ -49,6 +49,7 @@ class Car:
         self.random = np.random.default_rng(1)
         self.number = 0
         self.host_speed, self.lead = host_speed, lead
+        self.accelerometer_silent = False
         self.clearance, self.velocity, self.speed = 30.0, 0.0, 15.0
         self.lead_acceleration = 0.0
         self.track_id = 1
@@ -85,6 +86,7 @@ class Car:
             "track_id": self.track_id,
             "acceleration": now["acceleration"],
             "measured_acceleration": now["acceleration"],
+            "acceleration_stale": self.accelerometer_silent,
             "measured_host_speed": now["host_speed"] if self.host_speed else nan,
             "host_speed_age": 0.0 if self.host_speed else nan,
             "host_speed_stale": not self.host_speed,
@@ -551,6 +553,16 @@ def test_a_jump_that_becomes_another_is_not_taken_for_the_road(car: Car, then) -
     car.drive(3.0, acceleration=then)
     rebuilt = [o.reconstruction.acceleration for o in car.outcomes[changed:]]
     assert rebuilt == pytest.approx([0.0] * len(rebuilt), abs=0.6)
+
+
+def test_a_jump_that_falls_silent_is_rebuilt_from_the_speed(car: Car) -> None:
+    car.drive(4.0, acceleration=4.0)
+    car.accelerometer_silent = True
+    for k in range(300):
+        acceleration = min(0.01 * k, 1.5)
+        car.speed += 0.01 * acceleration
+        now = car.step(acceleration=4.0).reconstruction
+        assert now.acceleration == pytest.approx(acceleration, abs=0.5)
 
 
 def test_a_held_acceleration_is_rebuilt_from_the_speed(car: Car) -> None:

@@ -380,7 +380,7 @@ def judge_acceleration(monitor, settings, horizon, relative_acceleration, lead_r
     """Judge the step; `relative_acceleration` in m/s^2, NaN where the radar tells nothing."""
     check, speed = monitor.check, monitor.speed
     if horizon.acceleration_stale:
-        monitor.confidence = 0
+        monitor.confidence, monitor.corrected = 0, False
         check.ground = Ground.NONE
         return
     monitor.ticks += 1
