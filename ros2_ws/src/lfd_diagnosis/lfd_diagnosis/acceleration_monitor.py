@@ -319,6 +319,7 @@ def expected_acceleration(monitor, settings):
 
 @inner
 def _newest(monitor):
+    """The newest measurement in m/s^2, as it is."""
     return at(monitor.samples, monitor.samples.count - 1)
 
 
@@ -591,8 +592,9 @@ def _follow_slope(monitor, settings, off, jerk):
     limit = settings.acceleration_step_limit + _allowance(monitor, settings, jerk)
     newest = _newest(monitor) - monitor.size - monitor.acceleration - monitor.reference
     there = abs(newest) < THERE * abs(monitor.size)
-    monitor.corrected = still and there and abs(change) < limit
-    if still and abs(change) < limit:
+    steady = still and abs(change) < limit
+    monitor.corrected = steady and there
+    if steady:
         rate = max(-LARGEST_RATE, min(LARGEST_RATE, change / UNDER_JUMP))
         slope = monitor.reference + STEP_S * rate
         least, most = monitor.slope_before - LARGEST_SLOPE, monitor.slope_before + LARGEST_SLOPE

@@ -238,6 +238,12 @@ def is_radar_faulty(radar):
 
 
 @inner
+def _is_either_held(radar):
+    """Whether the fault of either signal is that it repeats itself."""
+    return repeats(radar.clearance) or repeats(radar.velocity)
+
+
+@inner
 def radar_deviations(radar):
     """Standard deviations of healthy measurements about the track, in m and m/s."""
     if not radar.has_track:
@@ -329,7 +335,7 @@ def _scan(radar, settings, track_id):
     """One scan, or the one signal of it that is there."""
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
     # Where one of the two is held, the other may be, too.
-    held = repeats(radar.clearance) or repeats(radar.velocity)
+    held = _is_either_held(radar)
     same_clearance = clearance.new and take_repetition(
         radar.clearance.repetition, clearance.value, not (radar.clearance.faulty or held)
     )
@@ -613,11 +619,10 @@ def _learn(signal, off, variance):
     """Noise is now on this side, now on that; what stays on one side is something else."""
     # The steps of a coarse signal are noise, though they stay on one side for a while.
     usual = LEANS * deviation_about(signal, variance) + resolution_of(signal.roughness)
-    beyond = abs(off) > usual
-    same = off * signal.leaning > 0.0
-    signal.leaning = (
-        (1.0 if off > 0.0 else -1.0) + (signal.leaning if same else 0.0) if beyond else 0.0
-    )
+    if abs(off) <= usual or off * signal.leaning < 0.0:
+        signal.leaning = 0.0
+    if abs(off) > usual:
+        signal.leaning += 1.0 if off > 0.0 else -1.0
     if abs(signal.leaning) <= LEANING:
         learn_noise(signal.noise, off, variance)
         signal.roughest = max(signal.roughest, abs(off) / signal.floor)
@@ -686,11 +691,9 @@ def _is_frozen(radar, signal, of_clearance):
 @inner
 def _repeats_itself(radar):
     """Whether the radar says the same again and again: one signal does, the other since then."""
-    clearance, velocity = radar.clearance, radar.velocity
-    own, other = clearance.repetition, velocity.repetition
+    own, other = radar.clearance.repetition, radar.velocity.repetition
     together = -own.longest <= other.run - own.run <= other.longest
-    held = (clearance.faulty and repeats(clearance)) or (velocity.faulty and repeats(velocity))
-    return held and together
+    return _is_either_held(radar) and together
 
 
 @inner
