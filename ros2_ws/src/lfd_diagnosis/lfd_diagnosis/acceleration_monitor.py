@@ -29,6 +29,7 @@ from lfd_diagnosis.healthy_signal import (
     append,
     at,
     deviation,
+    excuse_repetition,
     filter_share,
     is_frozen,
     is_full,
@@ -52,8 +53,9 @@ from lfd_diagnosis.host_speed import (
     HOST_SPEED,
     JERK_SHARE,
     ROUGH_TIME,
+    came_to_rest,
     follow_speed,
-    is_moving,
+    is_standing,
     is_usable,
     jerk_between,
     jerk_of,
@@ -366,6 +368,8 @@ def _follow_samples(monitor, settings, time, value):
         if abs(value - monitor.repetition.value) > possible + LEAP * sqrt(monitor.roughness.usual):
             monitor.leapt_for = LEAP_MEMORY
         take_roughness(monitor.roughness, value, not monitor.faulty, 0.0)
+        if is_standing(monitor.speed):
+            excuse_repetition(monitor.repetition, monitor.faulty)
         if not take_repetition(monitor.repetition, value, not monitor.faulty):
             monitor.derivative_when_held = monitor.speed.derivative
         monitor.last_at = time
@@ -399,7 +403,7 @@ def judge_acceleration(monitor, settings, horizon, relative_acceleration, lead_r
     frozen = (
         settings.check_repetition
         and is_frozen(monitor.repetition, should_change)
-        and (is_moving(speed) or not usable)
+        and not (usable and is_standing(speed))
     )
     rough = settings.check_roughness and _seems_rough(monitor, usable)
     if monitor.faulty:
@@ -654,7 +658,8 @@ def _against_lead(monitor, settings, lead_report):
         return
     if is_trusted(lead_report, settings):
         _against_report(monitor, settings, lead_report)
-    if settings.use_observers:
+    # A car that has braked to rest jerks back as it does at no other time.
+    if settings.use_observers and not came_to_rest(monitor.speed):
         _against_observers(monitor, settings)
 
 

@@ -41,8 +41,9 @@ changed and where nothing says so."""
 UNCHANGED = 4.0
 """How many times longer a run must be while the signal had no reason to change."""
 
-ENOUGH = 100
-"""Samples that must be known before a run is called too long."""
+ENOUGH, LATELY = 100, 50
+"""Samples that must be known before a run is called too long, and over which it is averaged how
+often a signal repeats itself just now: a calm one does so more often."""
 
 
 POSSIBLE_JERK = 40.0
@@ -199,10 +200,14 @@ REPETITION = np.dtype(
         ("equal", "i8"),
         ("samples", "i8"),
         ("run", "i8"),
+        ("lately", "f8"),
     ],
     align=True,
 )
-"""How long a signal has said the very same number, and whether that is longer than it may."""
+"""How long a signal has said the very same number, and whether that is longer than it may.
+
+`lately`: how often it repeated itself before the present run.
+"""
 
 
 @inner
@@ -210,6 +215,7 @@ def start_repetition(repetition, least):
     """Begin with nothing; `least`: equal samples in a row that are never suspect."""
     repetition.least, repetition.value = least, np.nan
     repetition.longest = repetition.equal = repetition.samples = repetition.run = 0
+    repetition.lately = 0.0
 
 
 @inner
@@ -221,7 +227,8 @@ def is_frozen(repetition, should_change):
     """
     if repetition.samples < ENOUGH or repetition.run < repetition.least:
         return False
-    share = min(max(repetition.equal / repetition.samples, 0.01), 0.99)
+    share = max(repetition.equal / repetition.samples, repetition.lately)
+    share = min(max(share, 0.01), 0.99)
     if should_change:
         return repetition.run >= max(1.5 * repetition.longest + 2.0, log(CHANCE) / log(share))
     longest = max(2.0 * repetition.longest + 2.0, log(REMOTE) / log(share))
@@ -235,6 +242,14 @@ def restart_repetition(repetition):
 
 
 @inner
+def excuse_repetition(repetition, faulty):
+    """Before a sample of a car that stands: it says the same for long. What was held before goes on
+    being held."""
+    if not (faulty and repetition.run > 0):
+        restart_repetition(repetition)
+
+
+@inner
 def take_repetition(repetition, value, healthy):
     """Take one sample, only healthy ones are learnt from; whether it equals the one before."""
     equal = value == repetition.value
@@ -243,6 +258,9 @@ def take_repetition(repetition, value, healthy):
         repetition.equal += equal
         if not equal:
             repetition.longest = max(repetition.longest, repetition.run)
+            keep = (1.0 - 1.0 / LATELY) ** (repetition.run + 1)
+            # The run that ends: all of it but this sample was equal.
+            repetition.lately = keep * repetition.lately + (1.0 - 1.0 / LATELY) - keep
     repetition.value = value
     repetition.run = repetition.run + 1 if equal else 0
     return equal

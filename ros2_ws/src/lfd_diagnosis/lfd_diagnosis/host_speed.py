@@ -10,6 +10,7 @@ from lfd_diagnosis.healthy_signal import (
     REPETITION,
     ROUGHNESS,
     deviation,
+    excuse_repetition,
     filter_share,
     is_frozen,
     is_new,
@@ -136,16 +137,22 @@ def is_usable(speed, settings):
 
 
 @inner
-def is_moving(speed):
-    """Whether the car surely moves."""
-    return abs(speed.last) > STANDING
+def came_to_rest(speed):
+    """Whether the car has just stopped, so that its derivative begins anew."""
+    return speed.followed < 0.0
+
+
+@inner
+def is_standing(speed):
+    """Whether the car stands, as far as its speed is known: then sensors say the same for long."""
+    return abs(speed.last) <= STANDING
 
 
 @inner
 def _is_held(speed):
     """Whether it stays the same though the car moves, and had reason to change."""
     if abs(speed.last) <= SLOW:
-        odd = is_moving(speed) and abs(speed.missed) > MISSED_SLOW
+        odd = not is_standing(speed) and abs(speed.missed) > MISSED_SLOW
         return odd and is_frozen(speed.repetition, True)
     missed = max(MISSED, MISSED_STEPS * resolution_of(speed.roughness))
     missed += SLOPE_DOUBT * max(speed.held_for - 1.0, 0.0)
@@ -201,6 +208,8 @@ def follow_speed(speed, settings, now, at, value, acceleration, shaken):
 def _take(speed, settings, at, value, acceleration, shaken):
     healthy = not speed.faulty
     take_roughness(speed.roughness, value, healthy, 0.0)
+    if is_standing(speed):
+        excuse_repetition(speed.repetition, speed.faulty)
     equal = take_repetition(speed.repetition, value, healthy)
     period = min(at - speed.last_at, 1.0)
     speed.missed = speed.missed + acceleration * period if equal else 0.0

@@ -1,6 +1,6 @@
 """The radar's two signals held against the lead's track, scan by scan (robust profile)."""
 
-from math import exp, isfinite
+from math import exp, isfinite, sqrt
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from lfd_diagnosis.healthy_signal import (
     POSSIBLE_JERK,
     at,
     deviation,
+    excuse_repetition,
     is_frozen,
     is_new,
     is_rough,
@@ -74,8 +75,12 @@ from lfd_mpc.settings import STEP_S
 BIAS_SCANS = 40
 """Scans over which it is averaged by how much the clearance lies beside the track for good."""
 
-READY_SCANS = 3
-"""Scans of one target after which it is judged."""
+READY_SCANS, SETTLING = 3, 0.5
+"""Scans of one target after which it is judged, and seconds in which one whose first scans
+contradict each other is begun anew."""
+
+ROUGH_CLEARANCE, ROUGH_VELOCITY = 0.4, 0.2
+"""Second differences in m and m/s that are not called rough, however smooth the radar was."""
 
 LEARNING, FEW_SCANS, SEEN = 40.0, 10, 3.0
 """Scans over which limits come down from thrice to once their width while noise is learnt; sooner,
@@ -100,9 +105,9 @@ LOST_AFTER = 1.0
 VELOCITY_BIAS = 0.02
 """m/s by which the relative velocity may be off for good; a coasted clearance drifts with it."""
 
-GRADUAL, GROWN = 0.6, 0.75
-"""Share of its limit that a residual has before a fault that came on gradually; share of the
-present residual that the first bad one is where it still grows."""
+GRADUAL, GROWN = 0.75, 0.75
+"""Share of its limit by which the first bad residual lies beyond the last good one at most where it
+came on gradually; share of the present residual that the first bad one is where it still grows."""
 
 HELD_PATH, HELD_SIGMA, HELD_STEPS = 0.45, 4.0, 3.0
 """What must have been travelled while the clearance repeats itself: m, deviations of its noise, and
@@ -150,6 +155,7 @@ RADAR = np.dtype(
         ("track", LEAD_TRACK),
         ("has_track", "?"),
         ("scans", "i8"),
+        ("begun_at", "f8"),
         ("id", "i8"),
         ("remembered", _SLOT, (REMEMBERED,)),
         ("remembered_count", "i8"),
@@ -336,11 +342,15 @@ def _scan(radar, settings, track_id):
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
     # Where one of the two is held, the other may be, too.
     held = _is_either_held(radar)
+    if not radar.host_moves:
+        # Behind a car that stands, too, the relative velocity is the same for long.
+        excuse_repetition(radar.velocity.repetition, radar.velocity.faulty)
+    learn = radar.host_moves and not held
     same_clearance = clearance.new and take_repetition(
-        radar.clearance.repetition, clearance.value, not (radar.clearance.faulty or held)
+        radar.clearance.repetition, clearance.value, learn and not radar.clearance.faulty
     )
     same_velocity = velocity.new and take_repetition(
-        radar.velocity.repetition, velocity.value, not (radar.velocity.faulty or held)
+        radar.velocity.repetition, velocity.value, learn and not radar.velocity.faulty
     )
     whole = clearance.new and velocity.new
     if same_clearance and radar.has_track and not radar.velocity.faulty:
@@ -352,6 +362,7 @@ def _scan(radar, settings, track_id):
     if not radar.has_track:
         if whole:
             _begin(radar, settings, track_id)
+            radar.begun_at = clearance.at
     elif not (whole and _is_another(radar, settings, track_id)):
         radar.id = track_id
         radar.scans += 1
@@ -450,6 +461,7 @@ def _is_another(radar, settings, track_id):
     if is_radar_faulty(radar):
         radar.lost, radar.lost_since = True, at
     _begin(radar, settings, track_id)
+    radar.begun_at = at
     return True
 
 
@@ -500,6 +512,9 @@ def _knows(radar, settings, track_id, changed):
         abs(now - radar.track.clearance) <= limits[0]
         and abs(velocity.value - radar.track.velocity) <= limits[1]
     ):
+        if changed and not faulty:
+            # Another id is another part of it: that lies where it is seen.
+            set_clearance(radar.track, now, radar.clearance.noise.variance)
         return True
     if faulty:
         # The faulty signals go on as they were: the car is the same, its reference still good.
@@ -545,14 +560,25 @@ def _judge_signal(radar, settings, signal, measured, of_clearance, repeated):
         return
     healthy = not is_radar_faulty(radar) and not is_bad(signal)
     period = measured.at - signal.last_at
-    possible = 0.0 if of_clearance else POSSIBLE_JERK * period * period
+    possible = ROUGH_CLEARANCE
+    if not of_clearance:
+        possible = max(ROUGH_VELOCITY, POSSIBLE_JERK * period * period)
     take_roughness(signal.roughness, measured.value, healthy, possible)
     count_scan(signal, settings.scan_confidence_max)
     if signal.faulty:
-        classify(signal, _should_have_changed(radar, signal, of_clearance))
+        classify(signal, _should_have_changed(radar, settings, signal, of_clearance))
         _requalify(radar, settings, signal, measured, of_clearance, repeated)
     elif is_ready(radar):
         _suspect(radar, settings, signal, of_clearance)
+
+
+@inner
+def _is_settling(radar):
+    """Whether the first scans of a target contradict each other: a radar may not know it yet."""
+    clearance, velocity = radar.clearance, radar.velocity
+    young = radar.scans <= READY_SCANS and not is_radar_faulty(radar)
+    disagrees = is_bad(clearance) or is_bad(velocity)
+    return young and disagrees and radar.measured_clearance.at - radar.begun_at < SETTLING
 
 
 @inner
@@ -573,6 +599,9 @@ def _judge(radar, settings, repeated):
     _hold_against(clearance, measured_clearance, expected, limits[0], repeated)
     expected = track.velocity - age * relative
     _hold_against(velocity, measured_velocity, expected, limits[1], repeated)
+    if has_clearance and has_velocity and _is_settling(radar):
+        _begin(radar, settings, radar.id)
+        return
     clearance_was_faulty, velocity_was_faulty = clearance.faulty, velocity.faulty
     _judge_signal(radar, settings, clearance, measured_clearance, True, repeated)
     _judge_signal(radar, settings, velocity, measured_velocity, False, repeated)
@@ -597,8 +626,7 @@ def _judge(radar, settings, repeated):
     if has_clearance and good_clearance:
         variance = clearance.noise.variance
         if velocity.faulty:
-            drifted = VELOCITY_BIAS * settings.drift_window
-            variance += WANDERING * wander(radar.path, variance, drifted)
+            variance += WANDERING * _wander(radar, settings)
         correct_clearance(track, clearance.residual, variance)
     if has_velocity and good_velocity:
         now = track.velocity - age * (track.acceleration - radar.host)
@@ -612,6 +640,13 @@ def _judge(radar, settings, repeated):
         _follow_path(radar, settings)
     elif clearance.faulty:
         _look_for_agreement(radar, settings)
+
+
+@inner
+def _wander(radar, settings):
+    """Variance in m^2 of what the clearance lies beside the path for a while."""
+    drifted = VELOCITY_BIAS * settings.drift_window
+    return wander(radar.path, radar.clearance.noise.variance, drifted)
 
 
 @inner
@@ -663,7 +698,7 @@ def _suspect(radar, settings, signal, of_clearance):
         give_ground(signal.because, Ground.ROUGHNESS, rough_share(signal.roughness), 0.0, 0.0)
         _convict(radar, settings, signal, Kind.NOISE)
         _take_bias(radar, of_clearance)
-    elif settings.check_repetition and _is_frozen(radar, signal, of_clearance):
+    elif settings.check_repetition and _is_frozen(radar, settings, signal, of_clearance):
         kind = Kind.ZERO if signal.last == 0.0 else Kind.HOLD
         give_ground(signal.because, Ground.REPETITION, signal.repetition.run + 1, 0.0, 0.0)
         _convict(radar, settings, signal, kind)
@@ -680,9 +715,9 @@ def _take_bias(radar, of_clearance):
 
 
 @inner
-def _is_frozen(radar, signal, of_clearance):
+def _is_frozen(radar, settings, signal, of_clearance):
     """A value repeated for too long, or while the relative velocity says that it changed."""
-    changed = _should_have_changed(radar, signal, of_clearance)
+    changed = _should_have_changed(radar, settings, signal, of_clearance)
     if of_clearance and not _repeats_itself(radar):
         return changed and is_held(signal)
     return radar.host_moves and is_frozen(signal.repetition, changed)
@@ -697,7 +732,7 @@ def _repeats_itself(radar):
 
 
 @inner
-def _should_have_changed(radar, signal, of_clearance):
+def _should_have_changed(radar, settings, signal, of_clearance):
     """Whether a value that repeats itself had reason to change."""
     clearance = radar.clearance
     if _repeats_itself(radar):
@@ -710,7 +745,8 @@ def _should_have_changed(radar, signal, of_clearance):
         )
     step, held_for = resolution_of(signal.roughness), signal.last_at - radar.held_since
     change = max(HELD_CHANGE, CHANGE_STEPS * step) + LEAD_DOUBT * max(held_for - 1.0, 0.0)
-    off = HELD_OFF * deviation(clearance.noise) + 0.5 * step * held_for
+    beside = sqrt(clearance.noise.variance + _wander(radar, settings))
+    off = HELD_OFF * beside + 0.5 * step * held_for
     off += 0.5 * resolution_of(clearance.roughness)
     # A clearance that is off itself tells nothing.
     tells = not clearance.faulty and not is_bad(clearance)
@@ -724,8 +760,9 @@ def _is_gradual(radar, settings):
     before = signal.residual_before
     return (
         settings.check_drift
+        and signal.first.count > 0
         and before * signal.residual > 0.0
-        and abs(before) > GRADUAL * signal.limit
+        and abs(at(signal.first, 0) - before) < GRADUAL * signal.limit
     )
 
 

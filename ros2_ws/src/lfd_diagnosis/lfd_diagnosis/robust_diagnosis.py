@@ -15,7 +15,7 @@ from lfd_diagnosis.acceleration_monitor import (
     start_acceleration,
 )
 from lfd_diagnosis.evidence import BECAUSE, CHECK
-from lfd_diagnosis.host_speed import is_moving, is_usable
+from lfd_diagnosis.host_speed import is_standing, is_usable
 from lfd_diagnosis.lead_report import (
     LEAD_REPORT,
     follow_lead_report,
@@ -152,7 +152,7 @@ def robust_step(state, settings, horizon, relative_acceleration, outcome):
     outcome.starts_anew = _follow_time(state, settings, horizon)
     follow_acceleration(acceleration, settings, horizon)
     told = lead.acceleration if is_trusted(lead, settings) else np.nan
-    moves = horizon.host_speed_stale or is_moving(acceleration.speed)
+    moves = not is_standing(acceleration.speed)
     follow_radar(radar, settings, horizon, acceleration.acceleration, told, moves)
     # What the observers make of a radar that is not to be believed is not to be believed either.
     believed = is_ready(radar) and not is_radar_faulty(radar)

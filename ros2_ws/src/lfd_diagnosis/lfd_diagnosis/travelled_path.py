@@ -31,7 +31,7 @@ SHIFT_TIME, SHIFT_DOUBT, SHIFT_POINTS = 0.4, 0.5, 3
 """Seconds in which a radar goes over to another part of the same car, the ratio of errors below
 which that explains a difference, and points that are needed on either side."""
 
-LARGEST_SHIFT = 2.0
+LARGEST_SHIFT = 2.5
 """How far apart in m a radar may see two parts of one car."""
 
 SUDDEN, SUDDEN_SHARE = 0.5, 0.7
@@ -265,11 +265,13 @@ def explain_drift(path, excess, held, drift):
         return
     better, worse = min(line_error, bend_error), max(line_error, bend_error)
     shift_error, shift = _fit_shift(times, off)
-    if shift_error < SHIFT_DOUBT * better:
-        if abs(shift) <= LARGEST_SHIFT:
-            drift.shifted = True
-        else:
-            _tell(drift, True, Kind.OFFSET, shift)
+    shifted = shift_error < SHIFT_DOUBT * better
+    if abs(shift) <= LARGEST_SHIFT and shift_error < DOUBT * better:
+        # In doubt the next scans will tell.
+        drift.shifted = shifted
+        return
+    if shifted:
+        _tell(drift, True, Kind.OFFSET, shift)
         return
     if _is_sudden(times, off):
         return
