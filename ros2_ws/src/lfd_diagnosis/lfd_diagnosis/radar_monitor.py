@@ -34,6 +34,7 @@ from lfd_diagnosis.lead_track import (
 from lfd_diagnosis.radar_signal import (
     RADAR_SIGNAL,
     acquit,
+    agrees_by_now,
     agrees_long_enough,
     classify,
     convict,
@@ -44,7 +45,9 @@ from lfd_diagnosis.radar_signal import (
     has_stopped,
     is_bad,
     is_held,
+    is_known_offset,
     least_limit,
+    offset_of,
     repeats,
     restart_agreement,
     restart_signal,
@@ -101,6 +104,10 @@ MEMORY = 0.6
 
 LOST_AFTER = 1.0
 """Seconds of silence after which a target that disagrees is another one, not a fault."""
+
+CARRIED = 6.0
+"""Requalify times after which an offset of the clearance that went on with another target is
+believed to be over: nothing else would tell that it ended in between."""
 
 VELOCITY_BIAS = 0.02
 """m/s by which the relative velocity may be off for good; a coasted clearance drifts with it."""
@@ -179,10 +186,13 @@ RADAR = np.dtype(
         ("agreed_path", "f8"),
         ("lost", "?"),
         ("lost_since", "f8"),
+        ("carried", "?"),
+        ("carried_since", "f8"),
     ],
     align=True,
 )
-"""State of one radar's two signals and of its target; `lost_since` (s) counts while `lost`.
+"""State of one radar's two signals and of its target; `lost_since` (s) counts while `lost`,
+`carried_since` while an offset is taken to go on with another target (`carried`).
 
 `agreed_clearance` (m) is what was measured when a faulty relative velocity began to agree again,
 `agreed_path` (m) the path that it makes since.
@@ -203,7 +213,7 @@ def start_radar(radar, settings):
     )
     start_path(radar.path, learn)
     radar.host_moves = True
-    radar.lost = False
+    radar.lost = radar.carried = False
     _start_target(radar, settings)
 
 
@@ -226,7 +236,7 @@ def _start_target(radar, settings):
 def restart_radar(radar, settings):
     """Nothing from before counts, faults neither; what was learnt of the noise stays."""
     _start_target(radar, settings)
-    radar.lost = False
+    radar.lost = radar.carried = False
     forgive(radar.clearance)
     forgive(radar.velocity)
 
@@ -277,8 +287,8 @@ def follow_radar(radar, settings, horizon, host_acceleration, lead_acceleration,
     now = horizon.stamp * 1e-9
     radar.host_moves = host_moves
     if not horizon.has_target:
-        if radar.has_track and is_radar_faulty(radar):
-            radar.lost, radar.lost_since = True, now
+        if radar.has_track:
+            _change_target(radar, now)
         _start_target(radar, settings)
         return
     if radar.has_track:
@@ -402,18 +412,40 @@ def _follow_held_velocity(radar, same):
 
 
 @inner
+def _change_target(radar, at):
+    """A fault is the sensor's: an offset goes on with another target. Of others nothing is left
+    that they could be told from."""
+    for signal in (radar.clearance, radar.velocity):
+        if signal.faulty and agrees_by_now(signal):
+            forgive(signal)
+    if not is_radar_faulty(radar):
+        return
+    if is_known_offset(radar.clearance) and is_known_offset(radar.velocity) and not radar.lost:
+        radar.carried, radar.carried_since = True, at
+    else:
+        radar.lost, radar.lost_since = True, at
+
+
+@inner
 def _begin(radar, settings, track_id):
-    """A target that nothing is known of."""
+    """A target that nothing is known of, but for an offset that goes on with it."""
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
     mean = settings.lead_acceleration_mean
+    off_clearance = off_velocity = 0.0
+    goes_on = is_radar_faulty(radar) and not radar.lost
+    if goes_on:
+        off_clearance, off_velocity = offset_of(radar.clearance), offset_of(radar.velocity)
+    relative = velocity.value - off_velocity
     start_track(
         radar.track,
-        clearance.value + velocity.value * clearance.age,
-        velocity.value,
+        clearance.value - off_clearance + relative * clearance.age,
+        relative,
         mean,
         radar.clearance.noise.variance,
         radar.velocity.noise.variance,
     )
+    if goes_on:
+        believe(radar.track, mean, settings.lead_acceleration_std)
     radar.has_track = True
     radar.id, radar.scans = track_id, 1
     radar.slow_acceleration = radar.slower_acceleration = mean
@@ -458,8 +490,7 @@ def _is_another(radar, settings, track_id):
         else:
             _cut_path(radar)
         return False
-    if is_radar_faulty(radar):
-        radar.lost, radar.lost_since = True, at
+    _change_target(radar, at)
     _begin(radar, settings, track_id)
     radar.begun_at = at
     return True
@@ -694,7 +725,8 @@ def _suspect(radar, settings, signal, of_clearance):
             give_ground(signal.because, Ground.RESIDUAL, signal.residual, signal.limit, 0.0)
             _convict(radar, settings, signal, Kind.OFFSET)
             _take_bias(radar, of_clearance)
-    elif settings.check_roughness and is_rough(signal.roughness):
+    elif settings.check_roughness and is_rough(signal.roughness) and not is_bad(signal):
+        # A jump is rough, too.
         give_ground(signal.because, Ground.ROUGHNESS, rough_share(signal.roughness), 0.0, 0.0)
         _convict(radar, settings, signal, Kind.NOISE)
         _take_bias(radar, of_clearance)
@@ -770,12 +802,11 @@ def _is_gradual(radar, settings):
 def _is_growing(radar, settings):
     """Whether the clearance, out of its limits, goes on from there: no fault that jumps does."""
     signal = radar.clearance
-    return (
-        settings.check_drift
-        and signal.first.count > 0
-        and at(signal.first, 0) * signal.residual > 0.0
-        and abs(at(signal.first, 0)) < GROWN * abs(signal.residual)
-    )
+    if not settings.check_drift or not signal.first.count:
+        return False
+    first = at(signal.first, 0)
+    jumped = abs(first - signal.residual_before) > signal.limit
+    return not jumped and 0.0 < first / signal.residual < GROWN
 
 
 @inner
@@ -803,12 +834,20 @@ def _requalify(radar, settings, signal, measured, of_clearance, repeated):
             return
     spread = deviation_about(signal, track.cc if of_clearance else track.vv)
     agreeing = follow_agreement(signal, period, step, spread, settings.gate_sigma)
-    agrees = agreeing and agrees_long_enough(signal, settings.clear_time, settings.latch)
+    latch = settings.latch
     if not of_clearance:
         _follow_agreed_path(radar, period)
-        if agrees and _is_off_path(radar):
-            restart_agreement(signal)
-            agrees = False
+        off_path, on_path = _hold_against_path(radar, settings)
+        latch = latch and not on_path
+    agrees = agreeing and agrees_long_enough(signal, settings.clear_time, latch)
+    if agrees and not of_clearance and off_path:
+        restart_agreement(signal)
+        agrees = False
+    if of_clearance and radar.carried and not radar.velocity.faulty:
+        over = measured.at - radar.carried_since >= CARRIED * settings.requalify_time
+        if over and not agrees:
+            _rebase(track, signal, measured.value, of_clearance)
+            agrees = True
     if radar.lost:
         # A new target: its own agreement with itself must do, but for longer.
         if not agreeing:
@@ -819,7 +858,7 @@ def _requalify(radar, settings, signal, measured, of_clearance, repeated):
         if not is_radar_faulty(radar):
             # What was followed while it was faulty tells nothing about it now.
             clear_path(radar.path)
-            radar.lost = False
+            radar.lost = radar.carried = False
 
 
 @inner
@@ -835,15 +874,18 @@ def _follow_agreed_path(radar, period):
 
 
 @inner
-def _is_off_path(radar):
-    """Whether the clearance says that the relative velocity is still off, though it agrees with a
-    track that was coasted for long: half of what it was off would have led as far astray."""
+def _hold_against_path(radar, settings):
+    """Whether the clearance says that a relative velocity which agrees with a track that was
+    coasted for long is still off, or that it is not: half of what it was off would have led as far
+    astray, and further than the clearance wanders."""
     signal, clearance = radar.velocity, radar.clearance
     if signal.kind != Kind.OFFSET or (clearance.faulty and clearance.kind != Kind.OFFSET):
-        return False
+        return False, False
     off = radar.measured_clearance.value - radar.agreed_clearance - radar.agreed_path
+    astray = 0.5 * size_to_tell(signal) * signal.agreeing
     doubt = PATH_SIGMA * deviation(clearance.noise) + resolution_of(clearance.roughness)
-    return abs(off) > 0.5 * size_to_tell(signal) * signal.agreeing + doubt
+    wandered = PATH_SIGMA * sqrt(_wander(radar, settings))
+    return abs(off) > astray + doubt, abs(off) < 0.5 * astray and astray > 2.0 * (doubt + wandered)
 
 
 @inner

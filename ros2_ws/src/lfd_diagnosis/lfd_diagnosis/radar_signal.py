@@ -1,6 +1,6 @@
 """One of the radar's two signals: how it stands against its prediction, and what its fault is."""
 
-from math import isnan, sqrt
+from math import isfinite, isnan, sqrt
 
 import numpy as np
 
@@ -156,6 +156,18 @@ def size_of(signal):
     """How far a faulty signal is off; NaN where that says nothing."""
     tells = signal.kind == Kind.OFFSET or signal.kind == Kind.RAMP
     return signal.size if tells else np.nan
+
+
+@inner
+def is_known_offset(signal):
+    """Whether it is healthy, or off by a jump that was measured."""
+    return not signal.faulty or (signal.kind == Kind.OFFSET and isfinite(signal.size))
+
+
+@inner
+def offset_of(signal):
+    """How far a jump put it off, in its unit; 0 where it is healthy."""
+    return signal.size if signal.faulty else 0.0
 
 
 @inner
@@ -401,6 +413,12 @@ def follow_agreement(signal, period, step, spread, sigma):
     signal.agreed_scans += 1.0
     signal.agreeing += min(period, 0.2)
     return True
+
+
+@inner
+def agrees_by_now(signal):
+    """Whether a faulty signal seems to be over its fault, though it has not agreed for long."""
+    return signal.agreeing > 0.0 and (signal.tellable or signal.came_back)
 
 
 @inner

@@ -68,6 +68,7 @@ ROBUST_EVIDENCE = np.dtype(
         ("relative_velocity", RADAR_EVIDENCE),
         ("scans", "i8"),
         ("lost", "?"),
+        ("carried", "?"),
         ("has_track", "?"),
         ("clearance_std", "f8"),
         ("relative_velocity_std", "f8"),
@@ -238,7 +239,8 @@ def _judge_radar(state, settings, horizon, outcome):
         evidence.relative_velocity,
         outcome.relative_velocity,
     )
-    evidence.scans, evidence.lost = min(radar.scans, READY_SCANS), radar.lost
+    evidence.scans = min(radar.scans, READY_SCANS)
+    evidence.lost, evidence.carried = radar.lost, radar.carried
 
 
 @inner

@@ -149,7 +149,7 @@ def path_drift(path, settings, limit):
         return 0.0
     points = path.points
     now = points[_point(path, path.count - 1), 0]
-    start = max(now - settings.drift_window, points[path.first, 0])
+    start = now
     new = old = 0.0
     new_count = old_count = 0
     for i in range(path.count):
@@ -157,6 +157,9 @@ def path_drift(path, settings, limit):
         if points[k, 0] > now - MEAN:
             new += points[k, 1]
             new_count += 1
+        # There may be a gap where the window begins: then at the first scan after it.
+        if points[k, 0] >= now - settings.drift_window:
+            start = min(start, points[k, 0])
         if start <= points[k, 0] <= start + MEAN:
             old += points[k, 1]
             old_count += 1
