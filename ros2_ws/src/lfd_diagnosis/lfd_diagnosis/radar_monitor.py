@@ -839,10 +839,10 @@ def _requalify(radar, settings, signal, measured, of_clearance, repeated):
         _follow_agreed_path(radar, period)
         off_path, on_path = _hold_against_path(radar, settings)
         latch = latch and not on_path
+        if off_path:
+            restart_agreement(signal)
+            agreeing = False
     agrees = agreeing and agrees_long_enough(signal, settings.clear_time, latch)
-    if agrees and not of_clearance and off_path:
-        restart_agreement(signal)
-        agrees = False
     if of_clearance and radar.carried and not radar.velocity.faulty:
         over = measured.at - radar.carried_since >= CARRIED * settings.requalify_time
         if over and not agrees:
@@ -859,6 +859,11 @@ def _requalify(radar, settings, signal, measured, of_clearance, repeated):
             # What was followed while it was faulty tells nothing about it now.
             clear_path(radar.path)
             radar.lost = radar.carried = False
+        elif radar.carried and not of_clearance:
+            # One of two faults that went on with another target did not: did the other?
+            radar.lost, radar.lost_since = True, measured.at
+            radar.carried = False
+            _begin(radar, settings, radar.id)
 
 
 @inner
@@ -883,9 +888,9 @@ def _hold_against_path(radar, settings):
         return False, False
     off = radar.measured_clearance.value - radar.agreed_clearance - radar.agreed_path
     astray = 0.5 * size_to_tell(signal) * signal.agreeing
-    doubt = PATH_SIGMA * deviation(clearance.noise) + resolution_of(clearance.roughness)
-    wandered = PATH_SIGMA * sqrt(_wander(radar, settings))
-    return abs(off) > astray + doubt, abs(off) < 0.5 * astray and astray > 2.0 * (doubt + wandered)
+    doubt = PATH_SIGMA * (deviation(clearance.noise) + sqrt(_wander(radar, settings)))
+    doubt += resolution_of(clearance.roughness)
+    return abs(off) > astray + doubt, abs(off) < 0.5 * astray and astray > 2.0 * doubt
 
 
 @inner
