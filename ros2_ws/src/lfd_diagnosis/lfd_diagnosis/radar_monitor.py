@@ -888,9 +888,9 @@ def _hold_against_path(radar, settings):
         return False, False
     off = radar.measured_clearance.value - radar.agreed_clearance - radar.agreed_path
     astray = 0.5 * size_to_tell(signal) * signal.agreeing
-    doubt = PATH_SIGMA * (deviation(clearance.noise) + sqrt(_wander(radar, settings)))
-    doubt += resolution_of(clearance.roughness)
-    return abs(off) > astray + doubt, abs(off) < 0.5 * astray and astray > 2.0 * doubt
+    doubt = PATH_SIGMA * deviation(clearance.noise) + resolution_of(clearance.roughness)
+    wandered = PATH_SIGMA * sqrt(_wander(radar, settings))
+    return abs(off) > astray + doubt, abs(off) < 0.5 * astray and astray > 2.0 * (doubt + wandered)
 
 
 @inner
