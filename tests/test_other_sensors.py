@@ -7,10 +7,10 @@ from functools import cache
 
 import pytest
 
-from lfd_diagnosis.verdict import Event, State
+from lfd_diagnosis.verdict import Event, Kind, State
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, Sample
 from lfd_replay.faults import FaultInjector, parse_faults
-from lfd_replay.generated.generate import generate_drive
+from lfd_replay.generated.generate import drive_truth, generate_drive
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import graph_settings
 
@@ -123,3 +123,33 @@ def test_a_fault_is_found_in_such_company(of: str, change, signal: str, text: st
     found = faults(samples)
     assert {event.signal for event in found} - {"radar"} == {signal}
     assert (found[0].stamp - made.zero) * 1e-9 == pytest.approx(70.2, abs=0.2)
+
+
+def standing_still() -> list[Sample]:
+    """Stop and go; while the car has stood for a moment every sensor says the very same."""
+    truth = drive_truth("stop-and-go")
+    made = []
+    for sample in drive("stop-and-go"):
+        now = min(round(sample.stamp * 1e-7), len(truth.time) - 1)
+        lately = slice(max(now - 30, 0), now + 1)
+        if not truth.host_speed[lately].any():
+            if sample.input != RADAR:
+                sample = replace(sample, value=0.0)
+            elif abs(truth.relative_velocity[now]) < 0.01:
+                clearance = round(float(truth.clearance[now]), 1)
+                sample = replace(sample, clearance=clearance, relative_velocity=0.0)
+        made.append(sample)
+    return made
+
+
+@pytest.mark.parametrize("start", [40, 86])
+@pytest.mark.parametrize("signal", ["clearance", "relative_velocity", "acceleration", "host_speed"])
+def test_what_a_standing_car_says_again_and_again_hides_no_held_sensor(signal, start) -> None:
+    samples = standing_still()
+    assert not faults(samples)
+    held = parse_faults([f"hold:{signal}@{start}-{start + 4}"])
+    found = faults(FaultInjector(held, 0, 1).apply(samples))
+    assert {event.signal for event in found} - {"radar"} == {signal}
+    first = next(event for event in found if event.signal == signal)
+    assert first.fault.kind == Kind.HOLD
+    assert start * 1e9 < first.stamp < (start + 0.8) * 1e9

@@ -112,7 +112,7 @@ believed to be over: nothing else would tell that it ended in between."""
 VELOCITY_BIAS = 0.02
 """m/s by which the relative velocity may be off for good; a coasted clearance drifts with it."""
 
-GRADUAL, GROWN = 0.75, 0.75
+GRADUAL, GROWN = 0.9, 0.75
 """Share of its limit by which the first bad residual lies beyond the last good one at most where it
 came on gradually; share of the present residual that the first bad one is where it still grows."""
 

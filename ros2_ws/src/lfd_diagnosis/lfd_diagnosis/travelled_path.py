@@ -31,10 +31,10 @@ SHIFT_TIME, SHIFT_DOUBT, SHIFT_POINTS = 0.4, 0.5, 3
 """Seconds in which a radar goes over to another part of the same car, the ratio of errors below
 which that explains a difference, and points that are needed on either side."""
 
-LARGEST_SHIFT = 2.5
+LARGEST_SHIFT = 3.0
 """How far apart in m a radar may see two parts of one car."""
 
-SUDDEN, SUDDEN_SHARE = 0.5, 0.7
+SUDDEN, SUDDEN_SHARE = 0.8, 0.7
 """Seconds in which no drift goes such a share of the way to its limit."""
 
 STEPS = 2.5
