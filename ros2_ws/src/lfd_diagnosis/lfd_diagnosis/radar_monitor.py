@@ -777,7 +777,7 @@ def _should_have_changed(radar, settings, signal, of_clearance):
         )
     step, held_for = resolution_of(signal.roughness), signal.last_at - radar.held_since
     change = max(HELD_CHANGE, CHANGE_STEPS * step) + LEAD_DOUBT * max(held_for - 1.0, 0.0)
-    beside = sqrt(clearance.noise.variance + _wander(radar, settings))
+    beside = sqrt(clearance.noise.variance + WANDERING * _wander(radar, settings))
     off = HELD_OFF * beside + 0.5 * step * held_for
     off += 0.5 * resolution_of(clearance.roughness)
     # A clearance that is off itself tells nothing.
