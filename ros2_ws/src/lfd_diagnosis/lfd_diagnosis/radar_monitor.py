@@ -395,9 +395,7 @@ def _follow_held_velocity(radar, same):
         radar.slower_lead_when_held = radar.slower_acceleration
         radar.track_when_held = track
         radar.time_while_held = radar.host_gain_while_held = radar.host_path_while_held = 0.0
-        expected = track.velocity - velocity.age * (track.acceleration - radar.host)
-        radar.changed_while_held = expected - velocity.value
-        radar.most_changed = abs(radar.changed_while_held)
+        radar.changed_while_held = radar.most_changed = 0.0
         radar.held_since = velocity.at
         radar.clearance_when_held = track.clearance - velocity.age * track.velocity
         radar.off_while_held = 0.0
