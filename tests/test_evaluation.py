@@ -18,6 +18,7 @@ from lfd_replay.evaluation.cusum import Cusum
 from lfd_replay.evaluation.detectors import (
     EQUAL_EVENTS,
     ROBUST,
+    ROBUST_SET,
     CountedIndex,
     at_equal,
     choose,
@@ -281,10 +282,12 @@ def test_the_whole_evaluation_in_small(tmp_path: Path, monkeypatch) -> None:
         "CUSUM",
         comparison.AS_PUBLISHED,
         ROBUST,
+        ROBUST_SET,
         *(at_equal(n, k) for n in ("paper", "Kalman filter", "CUSUM") for k in EQUAL_EVENTS),
     }
     robust = rows[ROBUST]
     assert robust["detected"] == 1.0 and robust["false_events"] == 0
+    assert rows[ROBUST_SET]["detected"] == 1.0 and rows[ROBUST_SET]["false_events"] == 0
     assert {row[2] for row in equal_rows(found.rows)} == {n for n in rows if n.endswith(" false")}
     published = rows[comparison.AS_PUBLISHED]
     assert published["windows"] >= 6 and published["detected"] == 1.0

@@ -716,7 +716,8 @@ def _suspect(radar, settings, signal, of_clearance):
     if signal.confidence >= settings.scan_confidence_threshold:
         explainable = of_clearance and is_explainable(radar.path)
         if explainable and _is_gradual(radar, settings):
-            _explain(radar, settings, signal.residual, signal.limit)
+            if abs(signal.residual) > settings.drift_limit:
+                _explain(radar, settings, signal.residual, signal.limit)
         elif explainable and _is_growing(radar, settings):
             pass  # The path will tell what it is.
         else:
@@ -966,7 +967,7 @@ def _explain(radar, settings, difference, limit):
     path, track, drift = radar.path, radar.track, radar.drift
     clearance, velocity = radar.clearance, radar.velocity
     held = is_held(clearance) and abs(radar.travelled_while_held) > 0.5 * abs(difference)
-    explain_drift(path, abs(difference) / limit, held, drift)
+    explain_drift(path, settings, abs(difference) / limit, held, drift)
     if drift.shifted:
         # Another part of the same car: the track goes on from there.
         set_clearance(track, path.clearance, CLEARANCE_STD**2)

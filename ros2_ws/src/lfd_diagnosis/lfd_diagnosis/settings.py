@@ -82,6 +82,14 @@ class RadarChecks(Settings):
     drift_limit: float = setting(
         1.1, "m", "least limit of the difference over that time", ROBUST, gt=0.0, le=20.0
     )
+    largest_shift: float = setting(
+        3.0,
+        "m",
+        "how far apart a radar may see two parts of one car; 0 = it never does",
+        ROBUST,
+        ge=0.0,
+        le=20.0,
+    )
 
 
 class AccelerationChecks(Settings):

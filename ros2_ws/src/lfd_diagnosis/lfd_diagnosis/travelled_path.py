@@ -31,9 +31,6 @@ SHIFT_TIME, SHIFT_DOUBT, SHIFT_POINTS = 0.4, 0.5, 3
 """Seconds in which a radar goes over to another part of the same car, the ratio of errors below
 which that explains a difference, and points that are needed on either side."""
 
-LARGEST_SHIFT = 3.0
-"""How far apart in m a radar may see two parts of one car."""
-
 SUDDEN, SUDDEN_SHARE = 0.8, 0.7
 """Seconds in which no drift goes such a share of the way to its limit."""
 
@@ -244,7 +241,7 @@ def _tell(drift, of_clearance, kind, error):
 
 
 @inner
-def explain_drift(path, excess, held, drift):
+def explain_drift(path, settings, excess, held, drift):
     """Who is wrong: into `drift`.
 
     A clearance that drifts leaves the path in a straight line; a relative velocity that drifts
@@ -269,7 +266,7 @@ def explain_drift(path, excess, held, drift):
     better, worse = min(line_error, bend_error), max(line_error, bend_error)
     shift_error, shift = _fit_shift(times, off)
     shifted = shift_error < SHIFT_DOUBT * better
-    if abs(shift) <= LARGEST_SHIFT and shift_error < DOUBT * better:
+    if abs(shift) <= settings.largest_shift and shift_error < DOUBT * better:
         # In doubt the next scans will tell.
         drift.shifted = shifted
         return

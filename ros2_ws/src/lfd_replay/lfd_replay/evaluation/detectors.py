@@ -21,7 +21,10 @@ PUBLISHED = "paper"
 """The trace of the paper profile as it is; other names are those of its variants."""
 
 ROBUST = "robust profile"
-"""The robust profile as it is: it has nothing to be set."""
+"""The robust profile as it is."""
+
+ROBUST_SET = "robust profile, set alike"
+"""The robust profile set on the same smooth drives as the others."""
 
 EQUAL_EVENTS = (0, 3)
 """False events in all, on the normal drives, at which others are held against it."""

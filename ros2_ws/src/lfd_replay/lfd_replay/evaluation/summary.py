@@ -6,7 +6,7 @@ from lfd_diagnosis.verdict import SIGNALS
 from lfd_replay.evaluation.campaign import Evaluation
 from lfd_replay.evaluation.cases import RECORDED
 from lfd_replay.evaluation.comparison import AS_PUBLISHED
-from lfd_replay.evaluation.detectors import PUBLISHED, ROBUST
+from lfd_replay.evaluation.detectors import PUBLISHED, ROBUST, ROBUST_SET
 from lfd_replay.evaluation.normal_driving import IndexStatistics
 from lfd_replay.evaluation.requirements.judge import Finding
 from lfd_replay.evaluation.trace import JUDGED
@@ -263,7 +263,15 @@ def mechanism_rows(ablation: dict[str, dict[str, dict[str, float]]]) -> Rows:
     return rows
 
 
-EQUAL_COLUMNS = ("fault", "size", "against", "found", "robust found", "delay", "robust", "worse in")
+EQUAL_COLUMNS = (
+    "fault",
+    "size",
+    "against",
+    "found",
+    "delay",
+    *("robust found", "delay", "worse in"),
+    *("robust, set alike", "delay", "worse in"),
+)
 
 
 def equal_rows(rows_of_cells: list[dict]) -> Rows:
@@ -274,11 +282,9 @@ def equal_rows(rows_of_cells: list[dict]) -> Rows:
         keyed.setdefault(key, {})[row["name"]] = row
     table: Rows = []
     for (kind, signal, size, injected), by_name in keyed.items():
-        robust = by_name.get(ROBUST)
-        if robust is None:
-            continue
+        own = [by_name[name] for name in (ROBUST, ROBUST_SET) if name in by_name]
         for name, row in by_name.items():
-            if not name.endswith(" false"):
+            if not own or not name.endswith(" false"):
                 continue
             with_others = f" of {len(injected)} faulty" if len(injected) > 1 else ""
             table.append(
@@ -287,10 +293,16 @@ def equal_rows(rows_of_cells: list[dict]) -> Rows:
                     "" if size is None else f"{size:g}",
                     name,
                     f"{row['detected']:.0%}",
-                    f"{robust['detected']:.0%}",
                     _milliseconds(row["delay_s"]),
-                    _milliseconds(robust["delay_s"]),
-                    worse_in(robust, row),
+                    *(
+                        text
+                        for robust in own
+                        for text in (
+                            f"{robust['detected']:.0%}",
+                            _milliseconds(robust["delay_s"]),
+                            worse_in(robust, row),
+                        )
+                    ),
                 )
             )
     return table
