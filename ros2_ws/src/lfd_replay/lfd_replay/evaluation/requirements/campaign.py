@@ -81,6 +81,16 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
             runs = plan.real(extent, ((signal, 2.0),), signed=True)
             add(f"real leads: {signal} +-2", runs, partial(judges.judge_offset, size=2.0))
             add(f"real leads: {signal} +-2, rebuilt", plan.as_driven(runs), of_recorded)
+        title = "recorded sensors on generated leads"
+        add(f"{title}: healthy", plan.recorded_sensors_healthy(extent), judges.judge_healthy)
+        for name, values in plan.COMBINATIONS.items():
+            runs = plan.recorded_sensors(extent, values, signed=False)
+            add(f"{title}: {name}", runs, judges.judge_long)
+            add(f"{title}: {name}, rebuilt", runs, of_recorded)
+        for signal in plan.OFFSETS:
+            runs = plan.recorded_sensors(extent, ((signal, 2.0),), signed=True)
+            add(f"{title}: {signal} +-2", runs, partial(judges.judge_offset, size=2.0))
+            add(f"{title}: {signal} +-2, rebuilt", runs, of_recorded)
     held = tuple((signal, None) for signal, _ in radar)
     frozen = plan.spread("hold", held, extent.few, extent.seeds, plan.LENGTH, signed=False)
     add("the whole radar held", frozen, judges.judge_held_radar)

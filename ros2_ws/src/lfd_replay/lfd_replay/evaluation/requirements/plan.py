@@ -1,12 +1,13 @@
 """Which drives and faults the requirements are measured on."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from zlib import crc32
 
 import numpy as np
 
 from lfd_replay.evaluation.cases import RECORDED, RECORDED_RADAR_FIRST, SCAN
 from lfd_replay.evaluation.fault_windows import PAPER, PAUSE, WARM_UP
+from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS
 from lfd_replay.evaluation.recorded_tracks import BACKWARD, TRACK
 from lfd_replay.evaluation.requirements.windows import AFTER, NEAREST, Run
 from lfd_replay.generated.lead_profiles import NORMAL, lead_profile
@@ -126,6 +127,18 @@ def healthy(extent: Extent, recorded: bool) -> list[Run]:
     if recorded:
         runs += [Run(RECORDED, 0), Run(NEAREST, 0)]
     return runs
+
+
+def recorded_sensors_healthy(extent: Extent) -> list[Run]:
+    """Generated drives as the recorded sensors see them."""
+    runs = [run for run in healthy(extent, False) if run.drive != "bumps"]
+    return [replace(run, sensor=RECORDED_SENSORS) for run in runs]
+
+
+def recorded_sensors(extent: Extent, values: tuple, signed: bool) -> list[Run]:
+    """Faults of normal drives as the recorded sensors see them."""
+    given = {"signed": signed, "sensor": RECORDED_SENSORS}
+    return spread("offset", values, extent.normal, extent.seeds, **given)
 
 
 def braking_blind(extent: Extent) -> list[Run]:

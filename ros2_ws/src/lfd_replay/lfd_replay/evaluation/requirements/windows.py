@@ -11,6 +11,7 @@ from lfd_diagnosis.verdict import State
 from lfd_mpc.sampling import HOST_SPEED, LEAD_ACCELERATION, Sample, ScalarSample
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
+from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS, recorded_sensors_drive
 from lfd_replay.evaluation.recorded_tracks import BACKWARD, TRACK, backward, track_drive
 from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
@@ -75,6 +76,8 @@ def load(run: Run, recorded: Path | None) -> Drive:
         return track_drive(recorded, int(run.drive.removeprefix(TRACK)))
     if run.drive == RECORDED:
         return load_drive(RECORDED, recorded)
+    if run.sensor == RECORDED_SENSORS and recorded is not None:
+        return recorded_sensors_drive(recorded, run.drive, run.seed, run.peak)
     return generate_drive(run.drive, run.seed, run.sensor, run.peak)
 
 

@@ -1,0 +1,137 @@
+"""Generated leads as the recorded car's own sensors would see them: hours of real sensors.
+
+What the recorded radar, accelerometer and speed are off by is taken from the recording and put on
+generated drives: wandering from one part of a car to another, steps, bumps and crests as they were.
+"""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, ScalarSample
+from lfd_replay.drive import Drive, make_drive
+from lfd_replay.evaluation.cases import RECORDED, load_drive
+from lfd_replay.evaluation.recorded_tracks import recorded_tracks
+from lfd_replay.generated.generate import drive_truth
+from lfd_replay.generated.sensor_models import FeltPlan, Radar, SensorSuite, Speedometer, SpeedPlan
+
+Array = NDArray[np.float64]
+
+RECORDED_SENSORS = "recorded"
+"""The recorded sensors, among the names of sensor suites."""
+
+SUITE = SensorSuite(
+    radar=Radar(clearance_step=0.04, velocity_step=0.025, outlier_period=None),
+    speedometer=Speedometer(step=0.0028),
+)
+"""Their steps in m and m/s; what they are off by is not drawn."""
+
+LASTING = 150
+"""Scans that a track must last to tell how it wanders."""
+
+SMOOTH_SCANS, SMOOTH_SPEEDS = 13, 45
+"""Samples of the relative velocity and of the speed that a parabola is put through: their noise is
+what lies beside it."""
+
+JOINED = 600
+"""Scans over which one track's wandering goes over into the next one's."""
+
+
+def recorded_sensors_drive(folder: Path, name: str, seed: int, peak: float | None = None) -> Drive:
+    """A generated drive of that name, the same for the same seed. Raises UserError."""
+    truth = drive_truth(name, peak)
+    generator = np.random.default_rng([seed, crc32(name.encode())])
+    plan = SUITE.plan(float(truth.time[-1]), len(truth.bumps), seed, name)
+    clearance, velocity = _joined(_tracks_off(folder), len(plan.radar.times), generator)
+    felt, speed = _host_off(folder)
+    begin = generator.uniform(0.0, 2.0 * felt[0][-1])
+    times, noise = _mirrored(*felt, begin, truth.time[-1])
+    felt_plan = FeltPlan(times, noise, np.zeros(len(times)), plan.acceleration.swings)
+    times, noise = _mirrored(*speed, begin, truth.time[-1])
+    return make_drive(
+        name,
+        {
+            RADAR: SUITE.radar.scans(
+                truth, replace(plan.radar, clearance_noise=clearance, velocity_noise=velocity)
+            ),
+            ACCELERATION: SUITE.accelerometer.samples(truth, felt_plan),
+            HOST_SPEED: SUITE.speedometer.samples(truth, SpeedPlan(times, noise, 1.0)),
+        },
+    )
+
+
+@cache
+def _tracks_off(folder: Path) -> list[tuple[Array, Array]]:
+    """By how much each lasting track's clearance (m) lies beside the path that its relative
+    velocity makes, a straight line taken out, and the relative velocity (m/s) beside itself."""
+    from scipy.signal import detrend, savgol_filter
+
+    found = []
+    for track in recorded_tracks(folder):
+        if len(track) < LASTING:
+            continue
+        times = np.array([scan.stamp for scan in track]) * 1e-9
+        velocity = np.array([scan.relative_velocity for scan in track])
+        path = np.append(0.0, np.cumsum(np.diff(times) * (velocity[1:] + velocity[:-1]) / 2))
+        beside = detrend(np.array([scan.clearance for scan in track]) - path)
+        found.append((beside, velocity - savgol_filter(velocity, SMOOTH_SCANS, 2)))
+    return found
+
+
+@cache
+def _host_off(folder: Path) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """By how much the accelerometer (m/s^2) is off the smooth speed's derivative, and the speed
+    (m/s) off the smooth one: times in s from a common zero, and values."""
+    from scipy.signal import savgol_filter
+
+    samples = [s for s in load_drive(RECORDED, folder).samples if isinstance(s, ScalarSample)]
+    (felt_at, felt), (speed_at, speed) = (
+        np.array([(s.stamp * 1e-9, s.value) for s in samples if s.input == name]).T
+        for name in (ACCELERATION, HOST_SPEED)
+    )
+    period = SUITE.speedometer.period
+    grid = np.arange(speed_at[0], speed_at[-1], period)
+    even = np.interp(grid, speed_at, speed)
+    smooth = savgol_filter(even, SMOOTH_SPEEDS, 2)
+    derivative = savgol_filter(even, SMOOTH_SPEEDS, 2, deriv=1, delta=period)
+    first, last = grid[SMOOTH_SPEEDS], grid[-SMOOTH_SPEEDS]
+    cut = []
+    for at, off in (
+        (felt_at, felt - np.interp(felt_at, grid, derivative)),
+        (speed_at, speed - np.interp(speed_at, grid, smooth)),
+    ):
+        inside = (at >= first) & (at <= last)
+        cut.append((at[inside] - first, off[inside]))
+    return cut[0], cut[1]
+
+
+def _joined(
+    parts: list[tuple[Array, Array]], count: int, generator: np.random.Generator
+) -> tuple[Array, Array]:
+    """Tracks one after the other, forward or backward, nearer or farther; each goes on from where
+    the one before ended."""
+    clearance, velocity = np.zeros(1), np.zeros(1)
+    while len(clearance) <= count:
+        beside, noise = parts[generator.integers(len(parts))]
+        way = int(generator.choice((-1, 1)))
+        beside = generator.choice((-1.0, 1.0)) * beside[::way]
+        fading = np.exp(-np.arange(len(beside)) / JOINED)
+        beside = beside + (clearance[-1] - beside[0]) * fading
+        clearance = np.append(clearance, beside)
+        velocity = np.append(velocity, noise[::way])
+    return clearance[1 : count + 1], velocity[1 : count + 1]
+
+
+def _mirrored(times: Array, values: Array, begin: float, duration: float) -> tuple[Array, Array]:
+    """So many s of samples from `begin` on, forward and back again and so on."""
+    whole = times[-1]
+    there_and_back = np.append(times, 2.0 * whole - times[-2:0:-1])
+    rounds = int((begin + duration) / (2.0 * whole)) + 1
+    at = np.concatenate([there_and_back + 2.0 * whole * k for k in range(rounds)]) - begin
+    said = np.tile(np.append(values, values[-2:0:-1]), rounds)
+    inside = (at > 0.0) & (at < duration)
+    return at[inside], said[inside]
