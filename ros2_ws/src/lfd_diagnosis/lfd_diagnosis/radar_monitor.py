@@ -723,26 +723,28 @@ def _suspect(radar, settings, signal, of_clearance):
         else:
             give_ground(signal.because, Ground.RESIDUAL, signal.residual, signal.limit, 0.0)
             _convict(radar, settings, signal, Kind.OFFSET)
-            _take_bias(radar, of_clearance)
+            _take_bias(radar, settings, of_clearance)
     elif settings.check_roughness and is_rough(signal.roughness) and not is_bad(signal):
         # A jump is rough, too.
         give_ground(signal.because, Ground.ROUGHNESS, rough_share(signal.roughness), 0.0, 0.0)
         _convict(radar, settings, signal, Kind.NOISE)
-        _take_bias(radar, of_clearance)
+        _take_bias(radar, settings, of_clearance)
     elif settings.check_repetition and _is_frozen(radar, settings, signal, of_clearance):
         kind = Kind.ZERO if signal.last == 0.0 else Kind.HOLD
         give_ground(signal.because, Ground.REPETITION, signal.repetition.run + 1, 0.0, 0.0)
         _convict(radar, settings, signal, kind)
-        _take_bias(radar, of_clearance)
+        _take_bias(radar, settings, of_clearance)
 
 
 @inner
-def _take_bias(radar, of_clearance):
+def _take_bias(radar, settings, of_clearance):
     """A radar's own two signals contradict each other a little, for good: what its clearance would
     say is so far beside a track that its relative velocity carries."""
     if of_clearance:
         radar.track.clearance += radar.clearance.bias
         radar.clearance.bias = 0.0
+        # Nor is it known where the clearance has wandered to by then.
+        radar.track.cc += _wander(radar, settings)
 
 
 @inner
