@@ -131,8 +131,9 @@ TAKEN_BACK = 2.0
 CLEARANCE_STD, VELOCITY_STD = 0.22, 0.3
 """How well a track is known, in m and m/s, that a contradiction was explained with."""
 
-WANDERING = 4.0
-"""Scans for which a clearance stays where it wandered to: so much less it tells of a velocity."""
+WANDERING, WANDER_TIME = 4.0, 2.0
+"""Scans for which a clearance stays where it wandered to: so much less it tells of a velocity; s in
+which it wanders so far: the track follows it."""
 
 PATH_SIGMA = 3.0
 """Deviations of the clearance's noise that a path may be off."""
@@ -339,6 +340,8 @@ def _predict(radar, settings, host_acceleration, lead_acceleration):
     if clearance.faulty:
         clearance.coasted += STEP_S
         track.cc += 2.0 * VELOCITY_BIAS**2 * clearance.coasted * STEP_S
+    else:
+        track.cc += STEP_S / WANDER_TIME * _wander(radar, settings)
     if not radar.velocity.faulty:
         off = track.acceleration - radar.slow_acceleration
         radar.slow_acceleration += STEP_S / SLOW * off
