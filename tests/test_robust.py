@@ -204,6 +204,27 @@ def test_what_no_car_is_long_enough_for_is_a_fault(car: Car) -> None:
     assert car.delay("clearance", start) < 0.6
 
 
+def test_where_a_radar_never_shifts_a_shift_is_a_fault() -> None:
+    car = Car(largest_shift=0.0)
+    car.drive(12.0)
+    start = car.number
+    for level in (0.6, 1.1, 1.6, 1.9):
+        car.drive(SCAN * 0.01, clearance=level)
+    car.drive(2.0, clearance=1.9)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
+def test_a_clearance_that_wanders_takes_the_track_along() -> None:
+    """Or a fault towards the other side would seem as much smaller as it had wandered."""
+    car = Car()
+    for k in range(31):
+        car.drive(1.0, clearance=0.45 * (-1.0) ** k)
+    start = car.number
+    verdict = car.drive(0.5, clearance=0.45 - 2.0).report.clearance
+    assert car.delay("clearance", start) <= 0.13
+    assert verdict.size == pytest.approx(-2.0, abs=0.25)
+
+
 @pytest.mark.parametrize(("braking", "faulty"), [(0.0, set()), (-1.0, {"relative_velocity"})])
 def test_a_relative_velocity_that_repeats_itself_must_have_had_to_change(
     car: Car, braking: float, faulty: set

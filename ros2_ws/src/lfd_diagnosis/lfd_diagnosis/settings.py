@@ -80,7 +80,7 @@ class RadarChecks(Settings):
         3.0, "s", "time over which that path is compared", ROBUST, ge=0.5, le=30.0
     )
     drift_limit: float = setting(
-        1.1, "m", "least limit of the difference over that time", ROBUST, gt=0.0, le=20.0
+        1.25, "m", "least limit of the difference over that time", ROBUST, gt=0.0, le=20.0
     )
     largest_shift: float = setting(
         3.0,
