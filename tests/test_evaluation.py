@@ -11,6 +11,7 @@ import pytest
 
 from lfd_diagnosis.verdict import State
 from lfd_replay.calibrate import main_calibrate
+from lfd_replay.drawing.paper_figures import detector_curves
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
 from lfd_replay.evaluation import campaign, comparison
@@ -289,6 +290,13 @@ def test_the_whole_evaluation_in_small(tmp_path: Path, monkeypatch) -> None:
     assert robust["detected"] == 1.0 and robust["false_events"] == 0
     assert rows[ROBUST_SET]["detected"] == 1.0 and rows[ROBUST_SET]["false_events"] == 0
     assert {row[2] for row in equal_rows(found.rows)} == {n for n in rows if n.endswith(" false")}
+    for figure in ("rate", "delay"):
+        drawn = {
+            mark.name
+            for panel in detector_curves(found.rows, figure).panels
+            for mark in panel.marks
+        }
+        assert drawn == {name for name in rows if not name.endswith(" false")}
     published = rows[comparison.AS_PUBLISHED]
     assert published["windows"] >= 6 and published["detected"] == 1.0
     assert published["delay_s"] < 0.13 and published["signal"] == "acceleration"

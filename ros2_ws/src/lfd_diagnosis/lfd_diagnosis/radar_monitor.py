@@ -105,10 +105,6 @@ MEMORY = 0.6
 LOST_AFTER = 1.0
 """Seconds of silence after which a target that disagrees is another one, not a fault."""
 
-CARRIED = 6.0
-"""Requalify times after which an offset of the clearance that went on with another target is
-believed to be over: nothing else would tell that it ended in between."""
-
 VELOCITY_BIAS = 0.02
 """m/s by which the relative velocity may be off for good; a coasted clearance drifts with it."""
 
@@ -398,7 +394,10 @@ def _follow_held_velocity(radar, same):
         radar.slower_lead_when_held = radar.slower_acceleration
         radar.track_when_held = track
         radar.time_while_held = radar.host_gain_while_held = radar.host_path_while_held = 0.0
-        radar.changed_while_held = radar.most_changed = 0.0
+        # What is held was measured; a zero was not, and may be off from its first sample on.
+        expected = track.velocity - velocity.age * (track.acceleration - radar.host)
+        radar.changed_while_held = expected if velocity.value == 0.0 else 0.0
+        radar.most_changed = abs(radar.changed_while_held)
         radar.held_since = velocity.at
         radar.clearance_when_held = track.clearance - velocity.age * track.velocity
         radar.off_while_held = 0.0
@@ -847,11 +846,11 @@ def _requalify(radar, settings, signal, measured, of_clearance, repeated):
             restart_agreement(signal)
             agreeing = False
     agrees = agreeing and agrees_long_enough(signal, settings.clear_time, latch)
-    if of_clearance and radar.carried and not radar.velocity.faulty:
-        over = measured.at - radar.carried_since >= CARRIED * settings.requalify_time
-        if over and not agrees:
-            _rebase(track, signal, measured.value, of_clearance)
-            agrees = True
+    carried = of_clearance and radar.carried and not radar.velocity.faulty
+    if carried and measured.at - radar.carried_since >= settings.requalify_time and not agrees:
+        # Nothing else would tell that it ended in between.
+        _rebase(track, signal, measured.value, of_clearance)
+        agrees = True
     if radar.lost:
         # A new target: its own agreement with itself must do, but for longer.
         if not agreeing:

@@ -131,12 +131,10 @@ def _radar_signal(
     else:
         words = _words(because)
     reason = f"{KIND_WORDS[verdict.kind]} by {words}"
-    if radar.lost:
+    if radar.lost or radar.carried:
         needed = settings.requalify_time
         return f"{reason}; reference lost: a new target must agree for {needed:g} s"
     reason += f"; now {now}"
-    if radar.carried:
-        reason += "; taken to go on with another target"
     return reason if evidence.tellable else f"{reason}; can no longer be told from a healthy signal"
 
 

@@ -16,7 +16,16 @@ COLOURS = {
 }
 """Okabe and Ito's palette: told apart by colour-blind readers too."""
 
-SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#000000", "#E69F00")
+SERIES = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#56B4E9",
+    "#000000",
+    "#E69F00",
+    "#7F7F7F",
+)
 """Colours of series that are no signals, in this order."""
 
 GREY, DARK = "#999999", "#444444"
