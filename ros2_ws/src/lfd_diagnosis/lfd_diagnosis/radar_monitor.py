@@ -675,9 +675,12 @@ def _judge(radar, settings, repeated):
 
 @inner
 def _wander(radar, settings):
-    """Variance in m^2 of what the clearance lies beside the path for a while."""
+    """Variance in m^2 of what the clearance lies beside the path for a while; its own steps, which
+    no mean makes smaller, are no wandering."""
+    clearance = radar.clearance
     drifted = VELOCITY_BIAS * settings.drift_window
-    return wander(radar.path, radar.clearance.noise.variance, drifted)
+    steps = resolution_of(clearance.roughness) ** 2 / 12.0
+    return max(wander(radar.path, clearance.noise.variance, drifted) - steps, 0.0)
 
 
 @inner
@@ -789,16 +792,20 @@ def _should_have_changed(radar, settings, signal, of_clearance):
 
 
 @inner
+def _jumped(signal):
+    """Whether it went out of its limits by one jump, not little by little: a coarse signal's steps
+    are larger than they seem."""
+    step = abs(at(signal.first, 0) - signal.residual_before)
+    return step > GRADUAL * signal.limit - 0.5 * resolution_of(signal.roughness)
+
+
+@inner
 def _is_gradual(radar, settings):
     """Whether the clearance goes out of its limits little by little."""
     signal = radar.clearance
-    before = signal.residual_before
-    return (
-        settings.check_drift
-        and signal.first.count > 0
-        and before * signal.residual > 0.0
-        and abs(at(signal.first, 0) - before) < GRADUAL * signal.limit
-    )
+    if not settings.check_drift or not signal.first.count:
+        return False
+    return signal.residual_before * signal.residual > 0.0 and not _jumped(signal)
 
 
 @inner
@@ -807,9 +814,7 @@ def _is_growing(radar, settings):
     signal = radar.clearance
     if not settings.check_drift or not signal.first.count:
         return False
-    first = at(signal.first, 0)
-    jumped = abs(first - signal.residual_before) > signal.limit
-    return not jumped and 0.0 < first / signal.residual < GROWN
+    return not _jumped(signal) and 0.0 < at(signal.first, 0) / signal.residual < GROWN
 
 
 @inner
