@@ -675,12 +675,9 @@ def _judge(radar, settings, repeated):
 
 @inner
 def _wander(radar, settings):
-    """Variance in m^2 of what the clearance lies beside the path for a while; its own steps, which
-    no mean makes smaller, are no wandering."""
-    clearance = radar.clearance
+    """Variance in m^2 of what the clearance lies beside the path for a while."""
     drifted = VELOCITY_BIAS * settings.drift_window
-    steps = resolution_of(clearance.roughness) ** 2 / 12.0
-    return max(wander(radar.path, clearance.noise.variance, drifted) - steps, 0.0)
+    return wander(radar.path, radar.clearance.noise.variance, drifted)
 
 
 @inner
