@@ -446,6 +446,7 @@ def _begin(radar, settings, track_id):
     )
     if goes_on:
         believe(radar.track, mean, settings.lead_acceleration_std)
+        radar.clearance.coasted = 0.0
     radar.has_track = True
     radar.id, radar.scans = track_id, 1
     radar.slow_acceleration = radar.slower_acceleration = mean
@@ -811,7 +812,8 @@ def _is_growing(radar, settings):
     signal = radar.clearance
     if not settings.check_drift or not signal.first.count:
         return False
-    return not _jumped(signal) and 0.0 < at(signal.first, 0) / signal.residual < GROWN
+    first, now = at(signal.first, 0), signal.residual
+    return not _jumped(signal) and first * now > 0.0 and abs(first) < GROWN * abs(now)
 
 
 @inner

@@ -86,14 +86,14 @@ def robust_reasons(
     says = f"; the radar says: {sensor_text}" if sensor_text else ""
     return {
         "clearance": _radar_signal(
-            settings, said.clearance, evidence.clearance, evidence, filling, "m"
+            settings, said.clearance, evidence.clearance, evidence.lost, filling, "m"
         )
         + says,
         "relative_velocity": _radar_signal(
             settings,
             said.relative_velocity,
             evidence.relative_velocity,
-            evidence,
+            evidence.lost,
             filling,
             "m/s",
         )
@@ -110,7 +110,7 @@ def _filling(scans: int, anew_because: str) -> str:
 
 
 def _radar_signal(
-    settings: DiagnosisSettings, verdict: Any, evidence: Any, radar: Any, filling: str, unit: str
+    settings: DiagnosisSettings, verdict: Any, evidence: Any, lost: bool, filling: str, unit: str
 ) -> str:
     state = verdict.state
     if state == State.NO_DATA:
@@ -131,7 +131,7 @@ def _radar_signal(
     else:
         words = _words(because)
     reason = f"{KIND_WORDS[verdict.kind]} by {words}"
-    if radar.lost or radar.carried:
+    if lost:
         needed = settings.requalify_time
         return f"{reason}; reference lost: a new target must agree for {needed:g} s"
     reason += f"; now {now}"

@@ -68,7 +68,6 @@ ROBUST_EVIDENCE = np.dtype(
         ("relative_velocity", RADAR_EVIDENCE),
         ("scans", "i8"),
         ("lost", "?"),
-        ("carried", "?"),
         ("has_track", "?"),
         ("clearance_std", "f8"),
         ("relative_velocity_std", "f8"),
@@ -240,7 +239,7 @@ def _judge_radar(state, settings, horizon, outcome):
         outcome.relative_velocity,
     )
     evidence.scans = min(radar.scans, READY_SCANS)
-    evidence.lost, evidence.carried = radar.lost, radar.carried
+    evidence.lost = radar.lost or radar.carried
 
 
 @inner
