@@ -24,6 +24,9 @@ from lfd_replay.drawing.figures import (
 WIDTH, HEIGHT = 9.0, 1.9
 """Of a figure, and of one row of panels, in inches."""
 
+LEGEND_COLUMNS = 6
+"""Names of a shared legend that a figure is wide enough for."""
+
 
 def write_figure(figure: Figure, folder: Path) -> Path:
     """Draw a figure into `FOLDER/KEY.png` and return its path."""
@@ -60,7 +63,7 @@ def write_figure(figure: Figure, folder: Path) -> Path:
                 loc="outside lower center",
                 fontsize=7,
                 frameon=False,
-                ncols=len(entries),
+                ncols=min(len(entries), LEGEND_COLUMNS),
             )
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{figure.key}.png"
