@@ -367,8 +367,9 @@ def _follow_samples(monitor, settings, time, value):
         possible = min(POSSIBLE_JERK * (time - monitor.last_at), LARGEST_STEP)
         if abs(value - monitor.repetition.value) > possible + LEAP * sqrt(monitor.roughness.usual):
             monitor.leapt_for = LEAP_MEMORY
-        take_roughness(monitor.roughness, value, not monitor.faulty, 0.0)
-        if is_standing(monitor.speed):
+        standing = is_standing(monitor.speed)
+        take_roughness(monitor.roughness, value, not (monitor.faulty or standing), 0.0)
+        if standing:
             excuse_repetition(monitor.repetition, monitor.faulty)
         if not take_repetition(monitor.repetition, value, not monitor.faulty):
             monitor.derivative_when_held = monitor.speed.derivative
@@ -377,7 +378,10 @@ def _follow_samples(monitor, settings, time, value):
     append(monitor.before_jump, monitor.filtered - monitor.slope)
     # A bad road shakes the wheels, too; a sensor's own noise does not.
     monitor.shaken = rough_share(monitor.roughness) > SHAKEN
-    monitor.rough_for = monitor.rough_for + STEP_S if is_rough(monitor.roughness) else 0.0
+    # An engine, and those who get on, shake a standing car, and its wheels tell nothing of it.
+    excused = is_standing(monitor.speed) and not monitor.faulty
+    rough = is_rough(monitor.roughness) and not excused
+    monitor.rough_for = monitor.rough_for + STEP_S if rough else 0.0
 
 
 @inner

@@ -207,7 +207,7 @@ def follow_speed(speed, settings, now, at, value, acceleration, shaken):
 @inner
 def _take(speed, settings, at, value, acceleration, shaken):
     healthy = not speed.faulty
-    take_roughness(speed.roughness, value, healthy, 0.0)
+    take_roughness(speed.roughness, value, healthy and not is_standing(speed), 0.0)
     if is_standing(speed):
         excuse_repetition(speed.repetition, speed.faulty)
     equal = take_repetition(speed.repetition, value, healthy)
