@@ -482,12 +482,12 @@ def _against_speed(monitor, settings):
     jerk = jerk_of(monitor.speed)
     off = monitor.filtered - monitor.speed.derivative - _lag(monitor, settings) * jerk
     if monitor.faulty:
-        _still_off(monitor, settings, off, jerk)
+        _still_off(monitor, settings, off)
         return
     if isnan(monitor.baseline):
         monitor.baseline = monitor.slope if monitor.slope_known > 0.0 else off
     learning = 1.0 + 2.0 * max(0.0, 1.0 - monitor.slope_known / WARM_UP)
-    allowance = _allowance(monitor, settings, jerk)
+    allowance = _allowance(monitor, settings)
     sigma = settings.acceleration_sigma
     step, slow = off - monitor.baseline, off - monitor.slope
     step_limit = max(settings.acceleration_step_limit, sigma * deviation(monitor.step_noise))
@@ -508,12 +508,13 @@ def _against_speed(monitor, settings):
 
 
 @inner
-def _allowance(monitor, settings, jerk):
+def _allowance(monitor, settings):
     """By how many m/s^2 a jerk or a shaking widens the limits."""
-    allowance = settings.jerk_allowance * abs(jerk) + BURST * monitor.burst**0.5
+    jerk = monitor.speed.largest_jerk
+    allowance = settings.jerk_allowance * jerk + BURST * monitor.burst**0.5
     # A sharp manoeuvre shows every lag that is not known; the accelerometer feels it first.
     doubt = LAG_DOUBT * LAG_PRIOR / monitor.lag_square
-    allowance += doubt * max(abs(jerk) - CALM_JERK, 0.0)
+    allowance += doubt * max(jerk - CALM_JERK, 0.0)
     if not monitor.leapt_for:
         lag = settings.jerk_allowance + doubt
         own = jerk_between(monitor.filtered, monitor.slow_filtered)
@@ -562,13 +563,13 @@ def _follow_baseline(monitor, off):
 
 
 @inner
-def _still_off(monitor, settings, off, jerk):
+def _still_off(monitor, settings, off):
     """A faulty signal against what the difference was before the fault."""
     residual = off - monitor.reference
     monitor.off += 3.0 * STEP_S * (residual - monitor.off)
     monitor.settled += 1
     _estimate_size(monitor, residual)
-    _follow_slope(monitor, settings, off, jerk)
+    _follow_slope(monitor, settings, off)
     least = LEAST if monitor.kind == Kind.OFFSET else settings.acceleration_limit
     limit = max(0.5 * abs(monitor.off), least)
     _follow_baseline(monitor, off)
@@ -588,7 +589,7 @@ def _still_off(monitor, settings, off, jerk):
 
 
 @inner
-def _follow_slope(monitor, settings, off, jerk):
+def _follow_slope(monitor, settings, off):
     """A jump stays what it was; what changes slowly under it is the slope that is felt.
 
     As long as it changes as a healthy signal may, the best that is known of the acceleration is
@@ -597,7 +598,7 @@ def _follow_slope(monitor, settings, off, jerk):
     jump = monitor.kind == Kind.OFFSET and monitor.settled > SIZE_TO and not monitor.settling
     still = jump and not is_frozen(monitor.repetition, True) and not is_rough(monitor.roughness)
     change = off - monitor.size - monitor.reference
-    limit = settings.acceleration_step_limit + _allowance(monitor, settings, jerk)
+    limit = settings.acceleration_step_limit + _allowance(monitor, settings)
     newest = _newest(monitor) - monitor.size - monitor.acceleration - monitor.reference
     there = abs(newest) < THERE * abs(monitor.size)
     steady = still and abs(change) < limit

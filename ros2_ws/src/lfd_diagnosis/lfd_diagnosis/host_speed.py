@@ -63,6 +63,10 @@ SETTLING = 4.0
 
 JERK_SHARE = share_of(JERK_FILTER)
 
+JERK_FADES = share_of(0.1)
+"""Share by which the largest of the last jerks fades in a step: a wheel that is shaken has none
+while it turns back."""
+
 HOST_SPEED = np.dtype(
     [
         ("noise", LEARNT_NOISE),
@@ -83,6 +87,7 @@ HOST_SPEED = np.dtype(
         ("derivative", "f8"),
         ("derivative_then", "f8"),
         ("slow_derivative", "f8"),
+        ("largest_jerk", "f8"),
         ("followed", "f8"),
     ],
     align=True,
@@ -127,7 +132,7 @@ def lose_speed(speed):
 def _stop_following(speed):
     speed.filtered = speed.derivative = speed.slow_derivative = np.nan
     speed.derivative_then = np.nan
-    speed.followed = 0.0
+    speed.followed = speed.largest_jerk = 0.0
 
 
 @inner
@@ -201,6 +206,8 @@ def follow_speed(speed, settings, now, at, value, acceleration, shaken):
     speed.filtered += filter_share(filter_time) * (value - speed.filtered)
     speed.derivative = (value - speed.filtered) / filter_time
     speed.slow_derivative += JERK_SHARE * (speed.derivative - speed.slow_derivative)
+    faded = speed.largest_jerk * (1.0 - JERK_FADES)
+    speed.largest_jerk = max(faded, abs(jerk_of(speed)))
     speed.followed += STEP_S
 
 

@@ -59,6 +59,7 @@ from lfd_diagnosis.radar_signal import (
 )
 from lfd_diagnosis.travelled_path import (
     DRIFT,
+    LARGEST_GAP,
     TRAVELLED_PATH,
     clear_path,
     explain_drift,
@@ -362,8 +363,9 @@ def _scan(radar, settings, track_id):
         radar.velocity.repetition, velocity.value, learn and not radar.velocity.faulty
     )
     whole = clearance.new and velocity.new
-    if same_clearance and radar.has_track and not radar.velocity.faulty:
-        period = clearance.at - radar.clearance.last_at
+    period = clearance.at - radar.clearance.last_at
+    # What was travelled while nothing was seen is hardly known.
+    if same_clearance and radar.has_track and not radar.velocity.faulty and period < LARGEST_GAP:
         radar.travelled_while_held += radar.track.velocity * period
     else:
         radar.travelled_while_held = 0.0
@@ -476,13 +478,30 @@ def _skip_step(radar):
 
 
 @inner
+def _regain(radar, settings):
+    """After a moment without a scan: it may see another part of the car since."""
+    clearance, velocity = radar.measured_clearance, radar.measured_velocity
+    if is_radar_faulty(radar) or not settings.check_drift:
+        return
+    now = clearance.value + velocity.value * clearance.age
+    limits = _limits(radar, settings)
+    moves_on = abs(velocity.value - radar.track.velocity) <= limits[1]
+    if moves_on and limits[0] < abs(now - radar.track.clearance) <= settings.largest_shift:
+        set_clearance(radar.track, now, radar.clearance.noise.variance)
+        _cut_path(radar)
+
+
+@inner
 def _is_another(radar, settings, track_id):
     """Sort out a new track id, or a silence; whether a new target was begun."""
     at = radar.measured_clearance.at
-    silent = at - max(radar.clearance.last_at, radar.velocity.last_at) > LOST_AFTER
+    gap = at - max(radar.clearance.last_at, radar.velocity.last_at)
+    silent = gap > LOST_AFTER
     known = track_id != UNKNOWN_TRACK and radar.id != UNKNOWN_TRACK
     changed = track_id != radar.id and known
     if not changed and not silent:
+        if gap > LARGEST_GAP:
+            _regain(radar, settings)
         return False
     if settings.same_car and _knows(radar, settings, track_id, changed):
         if is_radar_faulty(radar) and radar.path.count:

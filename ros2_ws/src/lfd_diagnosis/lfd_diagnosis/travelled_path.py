@@ -266,7 +266,7 @@ def explain_drift(path, settings, excess, held, drift):
     better, worse = min(line_error, bend_error), max(line_error, bend_error)
     shift_error, shift = _fit_shift(times, off)
     shifted = shift_error < SHIFT_DOUBT * better
-    if abs(shift) <= settings.largest_shift and shift_error < DOUBT * better:
+    if abs(shift) <= settings.largest_shift and DOUBT * shift_error < better:
         # In doubt the next scans will tell.
         drift.shifted = shifted
         return
