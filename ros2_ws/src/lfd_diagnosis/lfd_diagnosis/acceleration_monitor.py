@@ -510,7 +510,7 @@ def _against_speed(monitor, settings):
 @inner
 def _allowance(monitor, settings):
     """By how many m/s^2 a jerk or a shaking widens the limits."""
-    jerk = monitor.speed.largest_jerk
+    jerk = max(abs(jerk_of(monitor.speed)), monitor.speed.largest_jerk - 2.0 * CALM_JERK)
     allowance = settings.jerk_allowance * jerk + BURST * monitor.burst**0.5
     # A sharp manoeuvre shows every lag that is not known; the accelerometer feels it first.
     doubt = LAG_DOUBT * LAG_PRIOR / monitor.lag_square
