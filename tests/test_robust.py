@@ -510,6 +510,84 @@ def test_a_car_that_brakes_to_rest_jerks_back(car: Car) -> None:
     assert not car.faults_since(start)
 
 
+@pytest.fixture
+def standing(car: Car) -> Car:
+    """The car has come to rest, and its wheels say so."""
+    start, braking = car.number, 0.0
+    while car.speed > 0.02:
+        braking = max(braking - 0.02, -2.0)
+        car.speed += 0.01 * braking
+        car.step(acceleration=braking)
+    car.speed = 0.0
+    car.drive(3.0, host_speed_is=0.0)
+    assert not car.faults_since(start)
+    return car
+
+
+def test_a_wheel_is_as_rough_after_a_long_rest_as_it_was_before(standing: Car) -> None:
+    start = standing.number
+    standing.drive(120.0, host_speed_is=0.0)
+    acceleration = 0.0
+    for _ in range(400):
+        acceleration = min(acceleration + 0.02, 1.5)
+        standing.speed += 0.01 * acceleration
+        standing.step(acceleration=acceleration)
+    assert not standing.faults_since(start)
+
+
+def test_what_shakes_a_standing_car_is_no_fault(standing: Car) -> None:
+    random, start = Random(2), standing.number
+    for _ in range(300):
+        standing.step(acceleration=random.gauss(0.0, 0.9), host_speed_is=0.0)
+    assert not standing.faults_since(start)
+
+
+def test_a_lead_that_rests_after_a_moment_unseen_is_no_held_clearance(standing: Car) -> None:
+    """How far it went in that moment is a guess as good as how fast it was before."""
+    for acceleration in (-1.0, 0.8):
+        standing.lead_acceleration = acceleration
+        standing.drive(1.0)
+    still = {"clearance_is": standing.clearance, "relative_velocity_is": 0.0}
+    start, standing.lead_acceleration, standing.velocity = standing.number, 0.0, 0.0
+    standing.drive(0.15, **still)
+    standing.radar_silent = True
+    standing.drive(0.95)
+    standing.radar_silent = False
+    standing.drive(0.5, **still)
+    assert not standing.faults_since(start)
+
+
+@pytest.mark.parametrize(
+    ("shift", "relative_velocity", "faulty"),
+    [
+        (1.9, 0.0, set()),
+        (-1.9, 0.0, set()),
+        (3.6, 0.0, {"clearance"}),
+        (1.9, 5.0, {"clearance", "relative_velocity"}),
+    ],
+)
+def test_a_radar_may_see_another_part_of_the_car_after_a_moment_without_it(
+    car: Car, shift: float, relative_velocity: float, faulty: set
+) -> None:
+    start = car.number
+    car.radar_silent = True
+    car.drive(0.65)
+    car.radar_silent = False
+    car.drive(1.0, clearance=shift, relative_velocity=relative_velocity)
+    assert car.faults_since(start) - {"radar"} == faulty
+
+
+def test_a_wheel_that_swings_while_braking_hard_is_no_fault(car: Car) -> None:
+    """The derivative of its speed swings to and fro; where it turns back it has no jerk."""
+    start, braking = car.number, 0.0
+    for k in range(150):
+        braking = max(braking - 0.2, -8.0)
+        car.speed += 0.01 * braking
+        swing = 1.2 * np.sin(np.pi * (k - 30) / 8) if 30 <= k < 46 else 0.0
+        car.step(acceleration=braking, host_speed=swing)
+    assert not car.faults_since(start)
+
+
 def test_without_ids_another_car_is_told_by_what_it_says_of_itself() -> None:
     car = Car()
     car.track_id = -1

@@ -994,7 +994,8 @@ def _explain(radar, settings, difference, limit):
     path, track, drift = radar.path, radar.track, radar.drift
     clearance, velocity = radar.clearance, radar.velocity
     held = is_held(clearance) and abs(radar.travelled_while_held) > 0.5 * abs(difference)
-    explain_drift(path, settings, abs(difference) / limit, held, drift)
+    excess, noise = abs(difference) / limit, clearance.noise.variance
+    explain_drift(path, settings, excess, held, noise, drift)
     if drift.shifted:
         # Another part of the same car: the track goes on from there.
         set_clearance(track, path.clearance, CLEARANCE_STD**2)

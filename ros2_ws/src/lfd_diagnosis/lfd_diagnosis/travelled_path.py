@@ -27,6 +27,10 @@ STEP_SEARCH, STEP_SHARE = 0.3, 0.6
 DOUBT, PATIENCE = 0.75, 1.6
 """Ratio of two explanations' errors above which neither is clearly better, and limits to wait."""
 
+PLAIN = 2.0
+"""Deviations of the clearance's noise that a path may lie off its explanation in the mean, where
+that is not far beyond its limit."""
+
 SHIFT_TIME, SHIFT_DOUBT, SHIFT_POINTS = 0.4, 0.5, 3
 """Seconds in which a radar goes over to another part of the same car, the ratio of errors below
 which that explains a difference, and points that are needed on either side."""
@@ -241,14 +245,14 @@ def _tell(drift, of_clearance, kind, error):
 
 
 @inner
-def explain_drift(path, settings, excess, held, drift):
+def explain_drift(path, settings, excess, held, noise, drift):
     """Who is wrong: into `drift`.
 
     A clearance that drifts leaves the path in a straight line; a relative velocity that drifts
     bends it; a step of the velocity, too small for its own limits, leaves a straight line, but
     was seen as a step. A clearance that went over to another level at once is a radar that sees
     another part of the car, unless no car is that long. `excess`: drift over its limit; `held`: the
-    clearance repeats itself.
+    clearance repeats itself; `noise`: variance of the clearance's, in m^2.
     """
     n = path.count
     times, off, steps = np.empty(n), np.empty(n), np.empty(n)
@@ -275,7 +279,8 @@ def explain_drift(path, settings, excess, held, drift):
         return
     if _is_sudden(times, off):
         return
-    if better > DOUBT * worse and excess < PATIENCE:
+    plain = better <= n * PLAIN * PLAIN * noise and better <= DOUBT * worse
+    if not plain and excess < PATIENCE:
         return
     if bend_error < line_error:
         _tell(drift, False, Kind.RAMP, 2.0 * bend_slope * bend_onset)
