@@ -588,6 +588,34 @@ def test_a_wheel_that_swings_while_braking_hard_is_no_fault(car: Car) -> None:
     assert not car.faults_since(start)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_radar_that_goes_over_to_another_part_does_not_end_a_fault(car: Car, sign: float) -> None:
+    """Off by as much the other way, the clearance agrees; the fault is over when it jumps back."""
+    start = car.number
+    car.drive(1.0, clearance=2.0 * sign)
+    for wandered in (0.6, 1.2):
+        car.drive(0.01 * SCAN, clearance=(2.0 - wandered) * sign)
+    report = car.drive(3.0, clearance=0.2 * sign).report
+    assert report.clearance.state == State.FAULT
+    assert report.relative_velocity.state == State.OK
+    end = car.number
+    report = car.drive(1.5, clearance=-1.8 * sign).report
+    assert report.clearance.state == report.relative_velocity.state == State.OK
+    assert not car.faults_since(end)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
+def test_a_fault_that_fades_is_over_when_it_has_agreed_for_long(car: Car) -> None:
+    car.drive(1.0, clearance=2.0)
+    for off in (1.4, 0.8, 0.2):
+        car.drive(0.01 * SCAN, clearance=off)
+    end = car.number
+    requalify_time = DiagnosisSettings().requalify_time
+    assert car.drive(requalify_time - 0.3).report.clearance.state == State.FAULT
+    assert car.drive(0.6).report.clearance.state == State.OK
+    assert not car.faults_since(end)
+
+
 def test_without_ids_another_car_is_told_by_what_it_says_of_itself() -> None:
     car = Car()
     car.track_id = -1

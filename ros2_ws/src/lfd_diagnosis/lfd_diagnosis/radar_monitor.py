@@ -47,6 +47,7 @@ from lfd_diagnosis.radar_signal import (
     is_held,
     is_known_offset,
     least_limit,
+    may_have_shifted,
     offset_of,
     repeats,
     restart_agreement,
@@ -868,7 +869,10 @@ def _requalify(radar, settings, signal, measured, of_clearance, repeated):
         if off_path:
             restart_agreement(signal)
             agreeing = False
-    agrees = agreeing and agrees_long_enough(signal, settings.clear_time, latch)
+    needed = settings.clear_time
+    if of_clearance and may_have_shifted(signal, settings.largest_shift):
+        needed = settings.requalify_time
+    agrees = agreeing and agrees_long_enough(signal, needed, latch)
     carried = of_clearance and radar.carried and not radar.velocity.faulty
     if carried and measured.at - radar.carried_since >= settings.requalify_time and not agrees:
         # Nothing else would tell that it ended in between.

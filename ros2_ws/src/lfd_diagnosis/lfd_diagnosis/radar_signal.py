@@ -50,6 +50,9 @@ SIZE_TIME, CHANGED = 0.3, 0.5
 TOLERANCE, MOST_DOUBT = 0.3, 0.6
 """Share of a jump by which the jump back may differ from it, and share that noise may be of it."""
 
+AT_ONCE = 0.5
+"""Share of a jump that must be undone from one scan to the next if it is to be undone at once."""
+
 STEPS = 1.5
 """Steps of its resolution that a signal may be off from its prediction."""
 
@@ -94,6 +97,7 @@ RADAR_SIGNAL = np.dtype(
         ("agreed", "f8"),
         ("agreed_scans", "f8"),
         ("came_back", "?"),
+        ("at_once", "?"),
         ("first", RING),
         ("recent", RING),
         ("history", "f8", (HISTORY, 2)),
@@ -105,6 +109,7 @@ RADAR_SIGNAL = np.dtype(
 """State of one signal; lengths in its own unit (m or m/s), times in s.
 
 `estimate` is how far a faulty signal is off its reference, `size` how far its fault put it,
+`at_once` whether that was undone from one scan to the next,
 `history` times and residuals of a drift.
 """
 
@@ -124,7 +129,7 @@ def start_signal(signal, floor, std, lowest, learn):
     start_ring(signal.first, FIRST)
     start_ring(signal.recent, BEFORE + AFTER)
     signal.history_count = signal.history_first = 0
-    signal.came_back = False
+    signal.came_back = signal.at_once = False
     signal.agreeing = 0.0
     restart_signal(signal)
     forgive(signal)
@@ -240,7 +245,7 @@ def convict(signal, kind, confidence):
     signal.estimate = signal.size = signal.residual
     if not signal.first.count:
         append(signal.first, signal.residual)
-    signal.came_back = False
+    signal.came_back = signal.at_once = False
     restart_agreement(signal)
     start_ring(signal.recent, BEFORE + AFTER)
     signal.history_first = signal.history_count = 0
@@ -326,6 +331,12 @@ def returned_to(signal, repeated):
     # Against a reference that is known well, a line that was drawn wrong is no jump.
     if signal.tellable and -seen * offset < SEEN * offset * offset:
         return np.nan
+    largest = 0.0
+    for i in range(recent.count - before - after + 1, recent.count):
+        largest = max(largest, abs(at(recent, i) - at(recent, i - 1)))
+    signal.at_once = largest > AT_ONCE * abs(offset)
+    # What was undone is what it must be told from now.
+    signal.estimate = signal.size = offset
     start_ring(recent, BEFORE + AFTER)
     signal.came_back = True
     restart_agreement(signal)
@@ -395,6 +406,8 @@ def follow_agreement(signal, period, step, spread, sigma):
         # What is known to be off by so much has not come back while it is off by half of it.
         bound = min(bound, max(0.5 * abs(signal.estimate), 3.0 * spread))
     off = is_bad(signal) or abs(signal.residual) > bound
+    if abs(step) > AT_ONCE * size:
+        signal.at_once = True
     if off:
         share = min(period / SIZE_TIME, 1.0)
         signal.estimate += share * (signal.residual - signal.estimate)
@@ -403,7 +416,7 @@ def follow_agreement(signal, period, step, spread, sigma):
     if not jumped or abs(signal.estimate - signal.size) > CHANGED * abs(signal.size):
         signal.size = signal.estimate
     if off or (repeats(signal) and is_held(signal)) or is_rough(signal.roughness):
-        signal.came_back = False
+        signal.came_back = signal.at_once = False
         restart_agreement(signal)
         return False
     if signal.kind != Kind.OFFSET and abs(step) > max(0.8 * signal.floor, 0.4 * size):
@@ -413,6 +426,13 @@ def follow_agreement(signal, period, step, spread, sigma):
     signal.agreed_scans += 1.0
     signal.agreeing += min(period, 0.2)
     return True
+
+
+@inner
+def may_have_shifted(signal, largest):
+    """Whether a clearance that agrees again may be off as before, the radar seeing another part of
+    the car since: so far (m) that may lie off, and it did not come back at once."""
+    return signal.kind == Kind.OFFSET and not signal.at_once and _largest_jump(signal) <= largest
 
 
 @inner
