@@ -597,6 +597,7 @@ def test_a_radar_that_goes_over_to_another_part_does_not_end_a_fault(car: Car, s
         car.drive(0.01 * SCAN, clearance=(2.0 - wandered) * sign)
     report = car.drive(3.0, clearance=0.2 * sign).report
     assert report.clearance.state == State.FAULT
+    assert "did not jump back: it must agree for 5 s" in report.clearance.reason
     assert report.relative_velocity.state == State.OK
     end = car.number
     report = car.drive(1.5, clearance=-1.8 * sign).report

@@ -869,9 +869,9 @@ def _requalify(radar, settings, signal, measured, of_clearance, repeated):
         if off_path:
             restart_agreement(signal)
             agreeing = False
-    needed = settings.clear_time
-    if of_clearance and may_have_shifted(signal, settings.largest_shift):
-        needed = settings.requalify_time
+    shifted = of_clearance and may_have_shifted(signal, settings.largest_shift)
+    signal.doubted = agreeing and shifted
+    needed = settings.requalify_time if shifted else settings.clear_time
     agrees = agreeing and agrees_long_enough(signal, needed, latch)
     carried = of_clearance and radar.carried and not radar.velocity.faulty
     if carried and measured.at - radar.carried_since >= settings.requalify_time and not agrees:

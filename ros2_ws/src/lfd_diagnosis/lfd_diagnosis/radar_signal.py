@@ -98,6 +98,7 @@ RADAR_SIGNAL = np.dtype(
         ("agreed_scans", "f8"),
         ("came_back", "?"),
         ("at_once", "?"),
+        ("doubted", "?"),
         ("first", RING),
         ("recent", RING),
         ("history", "f8", (HISTORY, 2)),
@@ -109,7 +110,8 @@ RADAR_SIGNAL = np.dtype(
 """State of one signal; lengths in its own unit (m or m/s), times in s.
 
 `estimate` is how far a faulty signal is off its reference, `size` how far its fault put it,
-`at_once` whether that was undone from one scan to the next,
+`at_once` whether that was undone from one scan to the next, `doubted` whether what agrees may have
+shifted,
 `history` times and residuals of a drift.
 """
 
@@ -256,7 +258,7 @@ def forgive(signal):
     """Healthy from now on."""
     signal.faulty, signal.kind = False, Kind.UNKNOWN
     signal.because.ground = 0
-    signal.confidence, signal.tellable = 0, True
+    signal.confidence, signal.tellable, signal.doubted = 0, True, False
     start_ring(signal.first, FIRST)
 
 

@@ -135,7 +135,12 @@ def _radar_signal(
         needed = settings.requalify_time
         return f"{reason}; reference lost: a new target must agree for {needed:g} s"
     reason += f"; now {now}"
-    return reason if evidence.tellable else f"{reason}; can no longer be told from a healthy signal"
+    if not evidence.tellable:
+        return f"{reason}; can no longer be told from a healthy signal"
+    if evidence.doubted:
+        needed = settings.requalify_time
+        return f"{reason}; did not jump back: it must agree for {needed:g} s"
+    return reason
 
 
 def _acceleration(verdict: Any, evidence: Any, filling: str) -> str:

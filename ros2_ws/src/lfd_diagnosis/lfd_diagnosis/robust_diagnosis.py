@@ -57,6 +57,7 @@ RADAR_EVIDENCE = np.dtype(
         ("outliers", "i8"),
         ("because", BECAUSE),
         ("tellable", "?"),
+        ("doubted", "?"),
     ],
     align=True,
 )
@@ -208,7 +209,7 @@ def _judge_signal(
     _say(verdict, state, kind, index, signal.confidence, threshold, size, size_std)
     evidence.residual, evidence.limit, evidence.age = signal.residual, signal.limit, age
     evidence.outliers, evidence.because = signal.outliers, signal.because
-    evidence.tellable = signal.tellable
+    evidence.tellable, evidence.doubted = signal.tellable, signal.doubted
 
 
 @inner
