@@ -766,8 +766,8 @@ def _take_bias(radar, settings, of_clearance):
     if of_clearance:
         radar.track.clearance += radar.clearance.bias
         radar.clearance.bias = 0.0
-        # Nor is it known where the clearance has wandered to by then.
-        radar.track.cc += _wander(radar, settings)
+        # Nor is it known where it has wandered to by then, and where it would wander to meanwhile.
+        radar.track.cc += 2.0 * _wander(radar, settings)
 
 
 @inner
