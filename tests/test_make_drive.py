@@ -423,7 +423,11 @@ def test_an_older_drive_is_replaced(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["x"], "make_drive: unknown drive 'x'; there are: " + ", ".join(NAMES)),
+        (
+            ["x"],
+            "make_drive: unknown drive 'x'; there are: "
+            + ", ".join((*NAMES, "traffic-01 to traffic-99")),
+        ),
         (
             ["data-1", "--sensor", "y"],
             "make_drive: unknown sensor 'y'; there are: esr, coarse, gnss",

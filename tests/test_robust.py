@@ -539,6 +539,11 @@ def test_what_shakes_a_standing_car_is_no_fault(standing: Car) -> None:
     random, start = Random(2), standing.number
     for _ in range(300):
         standing.step(acceleration=random.gauss(0.0, 0.9), host_speed_is=0.0)
+    acceleration = 0.0
+    for _ in range(300):
+        acceleration = min(acceleration + 0.02, 1.0)
+        standing.speed += 0.01 * acceleration
+        standing.step(acceleration=acceleration)
     assert not standing.faults_since(start)
 
 
@@ -615,6 +620,21 @@ def test_a_fault_that_fades_is_over_when_it_has_agreed_for_long(car: Car) -> Non
     assert car.drive(requalify_time - 0.3).report.clearance.state == State.FAULT
     assert car.drive(0.6).report.clearance.state == State.OK
     assert not car.faults_since(end)
+
+
+@pytest.mark.parametrize("late", [0, 6])
+def test_an_emergency_stop_to_rest_is_no_fault(car: Car, late: int) -> None:
+    """The accelerometer is at rest at once; the speed says so some steps later."""
+    start, braking = car.number, 0.0
+    speeds = [car.speed] * (late + 1)
+    while speeds[0] > 0.0:
+        braking = max(braking - 0.2, -9.0) if car.speed > 0.0 else 0.0
+        car.speed = max(car.speed + 0.01 * braking, 0.0)
+        speeds = [*speeds[1:], car.speed]
+        car.step(acceleration=braking, host_speed_is=speeds[0])
+    report = car.drive(1.5, host_speed_is=0.0).report
+    assert not car.faults_since(start)
+    assert report.acceleration.state == State.OK
 
 
 def test_without_ids_another_car_is_told_by_what_it_says_of_itself() -> None:

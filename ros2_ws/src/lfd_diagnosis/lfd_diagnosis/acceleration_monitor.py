@@ -53,6 +53,7 @@ from lfd_diagnosis.host_speed import (
     HOST_SPEED,
     JERK_SHARE,
     ROUGH_TIME,
+    SLOW,
     came_to_rest,
     follow_speed,
     is_standing,
@@ -431,7 +432,7 @@ def judge_acceleration(monitor, settings, horizon, relative_acceleration, lead_r
 
 @inner
 def _seems_rough(monitor, usable):
-    if not usable:
+    if not usable or abs(monitor.speed.last) < SLOW:
         return monitor.rough_for >= ROUGH_TIME_ALONE
     return monitor.rough_for >= ROUGH_TIME and rough_share(monitor.speed.roughness) <= SHAKEN
 

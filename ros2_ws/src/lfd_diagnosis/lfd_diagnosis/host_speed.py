@@ -35,8 +35,8 @@ STANDING = 0.3
 """Host speed in m/s below which the car may as well stand: equal samples mean nothing."""
 
 SLOW, MISSED_SLOW = 2.0, 0.5
-"""Below so many m/s a wheel turns so quietly that equal samples mean nothing either, until the
-accelerometer has felt a change of so many m/s meanwhile."""
+"""Below so many m/s a wheel turns so quietly that it tells nothing of a shaken car, nor do equal
+samples mean anything until the accelerometer has felt a change of so many m/s meanwhile."""
 
 MISSED, MISSED_STEPS, SLOPE_DOUBT = 0.15, 8.0, 0.8
 """The same where it turns faster: m/s, or steps of the speed's resolution, and m/s^2 by which the
@@ -45,6 +45,10 @@ slope of the road may be taken for a change after a second."""
 DEAD, DEAD_JUMP, DEAD_TIME = 1.2, 0.1, 1.0
 """m/s below which many a wheel's sensor says zero, and by how much it jumps at least, from there
 and to there; its derivative begins anew, when the car has surely come to rest (s)."""
+
+HARD, JERK_TIME, LATENESS = 2.0, 0.4, 0.1
+"""m/s^2 of braking that ends with a jerk when the car comes to rest, for how many s, and s by which
+the speed may be late to say so."""
 
 JUMP = 0.5
 """Least jump in m/s between two samples that no car makes."""
@@ -173,6 +177,13 @@ def _starts_or_stops(speed, value):
 
 
 @inner
+def _rests_with_a_jerk(speed, value):
+    """Whether it comes to rest out of hard braking, or has by now: it is told late."""
+    soon = value + LATENESS * speed.derivative
+    return soon < DEAD_JUMP and max(value, speed.last) < DEAD and speed.derivative < -HARD
+
+
+@inner
 def jerk_between(acceleration, slow):
     """m/s^3, from an acceleration and the same through one more filter (`JERK_SHARE`)."""
     return (acceleration - slow) / JERK_FILTER
@@ -222,7 +233,10 @@ def _take(speed, settings, at, value, acceleration, shaken):
     speed.missed = speed.missed + acceleration * period if equal else 0.0
     speed.held_for = speed.held_for + period if equal else 0.0
     if isfinite(speed.last):
-        if _starts_or_stops(speed, value):
+        if _rests_with_a_jerk(speed, value):
+            _stop_following(speed)
+            speed.followed = -JERK_TIME
+        elif _starts_or_stops(speed, value):
             restart_roughness(speed.roughness)
             _stop_following(speed)
             if value == 0.0:

@@ -17,6 +17,7 @@ from lfd_replay.drive import Drive, make_drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
 from lfd_replay.evaluation.recorded_tracks import recorded_tracks
 from lfd_replay.generated.generate import drive_truth
+from lfd_replay.generated.lead_profiles import TRAFFIC
 from lfd_replay.generated.sensor_models import FeltPlan, Radar, SensorSuite, Speedometer, SpeedPlan
 
 Array = NDArray[np.float64]
@@ -37,6 +38,10 @@ SMOOTH_SCANS, SMOOTH_SPEEDS = 13, 45
 """Samples of the relative velocity and of the speed that a parabola is put through: their noise is
 what lies beside it."""
 
+LOST, GAPS, GAP_SCANS = 0.01, 0.0008, (2, 30)
+"""Share of a radar's scans that are lost in traffic one by one, share from which some more are, and
+how many."""
+
 JOINED = 600
 """Scans over which one track's wandering goes over into the next one's."""
 
@@ -47,17 +52,23 @@ def recorded_sensors_drive(folder: Path, name: str, seed: int, peak: float | Non
     generator = np.random.default_rng([seed, crc32(name.encode())])
     plan = SUITE.plan(float(truth.time[-1]), len(truth.bumps), seed, name)
     clearance, velocity = _joined(_tracks_off(folder), len(plan.radar.times), generator)
+    at = np.interp(plan.radar.times, truth.time, truth.clearance)
+    clearance = _before_the_bumper(clearance, at)
     felt, speed = _host_off(folder)
     begin = generator.uniform(0.0, 2.0 * felt[0][-1])
     times, noise = _mirrored(*felt, begin, truth.time[-1])
     felt_plan = FeltPlan(times, noise, np.zeros(len(times)), plan.acceleration.swings)
     times, noise = _mirrored(*speed, begin, truth.time[-1])
+    scans = SUITE.radar.scans(
+        truth, replace(plan.radar, clearance_noise=clearance, velocity_noise=velocity)
+    )
+    if name in TRAFFIC:
+        seen = _seen(len(scans), generator)
+        scans = [scan for scan, there in zip(scans, seen, strict=True) if there]
     return make_drive(
         name,
         {
-            RADAR: SUITE.radar.scans(
-                truth, replace(plan.radar, clearance_noise=clearance, velocity_noise=velocity)
-            ),
+            RADAR: scans,
             ACCELERATION: SUITE.accelerometer.samples(truth, felt_plan),
             HOST_SPEED: SUITE.speedometer.samples(truth, SpeedPlan(times, noise, 1.0)),
         },
@@ -124,6 +135,20 @@ def _joined(
         clearance = np.append(clearance, beside)
         velocity = np.append(velocity, noise[::way])
     return clearance[1 : count + 1], velocity[1 : count + 1]
+
+
+def _seen(count: int, generator: np.random.Generator) -> NDArray[np.bool_]:
+    """Which of so many scans are not lost."""
+    seen = generator.random(count) >= LOST
+    for first in np.flatnonzero(generator.random(count) < GAPS):
+        seen[first : first + generator.integers(*GAP_SCANS)] = False
+    return seen
+
+
+def _before_the_bumper(beside: Array, clearance: Array) -> Array:
+    """No part of a car that is seen lies nearer than half of its clearance."""
+    free = 0.25 * clearance
+    return np.maximum(beside, -free - free * np.tanh((-beside - free).clip(0.0) / free))
 
 
 def _mirrored(times: Array, values: Array, begin: float, duration: float) -> tuple[Array, Array]:

@@ -22,6 +22,9 @@ OverTime = Callable[[Array], Array]
 NORMAL = tuple(f"normal-{number:02d}" for number in range(1, 28))
 """Fault-free drives at low congestion with smooth changes of speed, as the paper's 27 sets."""
 
+TRAFFIC = tuple(f"traffic-{number:02d}" for number in range(1, 100))
+"""Fault-free drives as in traffic: stops, hard braking, cars that cut in and leave, slopes."""
+
 SLOWEST, FASTEST = 7.0, 36.0
 """Speeds in m/s that the leads of normal drives keep between."""
 
@@ -122,7 +125,7 @@ PEAKS = (-8.0, -0.5)
 """Hardest and softest peak of a braking drive in m/s^2."""
 
 NAMES = (*_NAMED, BRAKING, *NORMAL)
-"""Every drive there is."""
+"""Every drive there is, but for those of `TRAFFIC`."""
 
 
 def lead_profile(name: str, peak: float | None = None) -> Profile:
@@ -136,8 +139,11 @@ def lead_profile(name: str, peak: float | None = None) -> Profile:
         raise UserError(f"make_drive: --peak belongs to '{BRAKING}', not to '{name}'")
     if name in NORMAL:
         return _normal(name)
+    if name in TRAFFIC:
+        return _traffic(name)
     if name not in _NAMED:
-        raise UserError(f"make_drive: unknown drive '{name}'; there are: {', '.join(NAMES)}")
+        names = f"{', '.join(NAMES)}, {TRAFFIC[0]} to {TRAFFIC[-1]}"
+        raise UserError(f"make_drive: unknown drive '{name}'; there are: {names}")
     return _NAMED[name]
 
 
@@ -151,6 +157,29 @@ def _braking(peak: float) -> Profile:
     return Profile(
         60.0, speed, _with_braking(_waves((0.2, 23.0, 0.0)), 20.0, peak, (onset, hold, 0.5))
     )
+
+
+def _traffic(name: str) -> Profile:
+    """Two minutes of a lead that changes its speed every few seconds, now and then to rest."""
+    generator = np.random.default_rng([29, int(name[-2:])])
+    first = speed = float(generator.uniform(3.0, 33.0))
+    pulses: list[tuple[float, float, float]] = []
+    start = float(generator.uniform(3.0, 8.0))
+    while start < 110.0:
+        hasty, stops = generator.random(2) < 0.15
+        lasts = float(generator.uniform(2.0, 4.0) if hasty else generator.uniform(3.0, 10.0))
+        wanted = 0.0 if stops else float(np.clip(generator.normal(speed, 6.0), 0.0, FASTEST))
+        # A pulse's peak is twice its mean.
+        change = float(np.clip(wanted - speed, -4.0 * lasts, 1.5 * lasts))
+        pulses.append((start, lasts, change))
+        speed += change
+        start += lasts + float(generator.uniform(1.0, 8.0))
+    changes = tuple(
+        Change(time, float(generator.choice((0.5, 0.7, 1.5, 2.0))), generator.uniform(-2, 2), 2 + k)
+        for k, time in enumerate(sorted(generator.uniform(10.0, 110.0, generator.integers(4))))
+    )
+    grade = _slope(generator.uniform(-0.07, 0.07), 30.0, 60.0, generator.uniform(2.0, 6.0))
+    return Profile(120.0, first, _pulses(*pulses), changes, grade)
 
 
 @dataclass(frozen=True)

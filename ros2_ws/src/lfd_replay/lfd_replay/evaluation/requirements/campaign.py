@@ -83,6 +83,8 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
             add(f"real leads: {signal} +-2, rebuilt", plan.as_driven(runs), of_recorded)
         title = "recorded sensors on generated leads"
         add(f"{title}: healthy", plan.recorded_sensors_healthy(extent), judges.judge_healthy)
+        traffic = plan.recorded_sensors_in_traffic(extent)
+        add("recorded sensors in traffic: healthy", traffic, judges.judge_healthy)
         for name, values in plan.COMBINATIONS.items():
             runs = plan.recorded_sensors(extent, values, signed=False)
             add(f"{title}: {name}", runs, judges.judge_long)

@@ -93,7 +93,8 @@ class Judge:
 
     def no_false_events(self, per_run: float = 0.0) -> None:
         """Flags where nothing was injected."""
-        events = {name: sum(len(r["false"][name]) for r in self.results) for name in JUDGED}
+        signals = self.results[0]["false"] if self.results else ()
+        events = {name: sum(len(r["false"][name]) for r in self.results) for name in signals}
         total, hours = sum(events.values()), sum(r["hours"] for r in self.results)
         named = ", ".join(f"{n} {name}" for name, n in events.items() if n)
         self.add(

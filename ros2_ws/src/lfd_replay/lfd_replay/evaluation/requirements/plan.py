@@ -10,7 +10,7 @@ from lfd_replay.evaluation.fault_windows import PAPER, PAUSE, WARM_UP
 from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS
 from lfd_replay.evaluation.recorded_tracks import BACKWARD, TRACK
 from lfd_replay.evaluation.requirements.windows import AFTER, NEAREST, Run
-from lfd_replay.generated.lead_profiles import NORMAL, lead_profile
+from lfd_replay.generated.lead_profiles import NORMAL, TRAFFIC, lead_profile
 
 COMBINATIONS = {
     "clearance and relative velocity": PAPER[:2],
@@ -133,6 +133,14 @@ def recorded_sensors_healthy(extent: Extent) -> list[Run]:
     """Generated drives as the recorded sensors see them."""
     runs = [run for run in healthy(extent, False) if run.drive != "bumps"]
     return [replace(run, sensor=RECORDED_SENSORS) for run in runs]
+
+
+def recorded_sensors_in_traffic(extent: Extent) -> list[Run]:
+    """Traffic as the recorded sensors see it."""
+    names = TRAFFIC[:: len(NORMAL) // len(extent.normal)]
+    return [
+        Run(name, seed, sensor=RECORDED_SENSORS) for name in names for seed in extent.healthy_seeds
+    ]
 
 
 def recorded_sensors(extent: Extent, values: tuple, signed: bool) -> list[Run]:

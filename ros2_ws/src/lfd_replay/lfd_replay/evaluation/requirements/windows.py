@@ -218,7 +218,7 @@ def _false_events(view: Seen, faults: list[Fault]) -> dict[str, list[float]]:
     for fault in faults:
         near |= (view.times >= fault.start * 1e-9) & (view.times < fault.end * 1e-9 + 1.0)
     begins = {}
-    for name in JUDGED:
+    for name in WATCHED:
         flags = view.flags[name]
         begin = flags & ~np.append(False, flags[:-1]) & ~near
         begins[name] = view.times[begin].round(3).tolist()
