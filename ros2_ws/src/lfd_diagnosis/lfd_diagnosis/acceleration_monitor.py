@@ -79,6 +79,9 @@ LAG_DOUBT, CALM_JERK, LAG_MOST = 0.15, 4.0, 1.5
 """s by which the lag may differ from what is known of it before a jerk has told it, m/s^3 up to
 which that does not matter, and m/s^2 that the accelerometer may be ahead at most."""
 
+SHARP_JERK = 8.0
+"""m/s^3 that a jerk must exceed for its excess to count for a moment longer."""
+
 LARGEST_STEP, LEAP, LEAP_MEMORY = 1.0, 3.0, 30
 """m/s^2 by which a possible jerk moves the accelerometer at most from one sample to the next, and
 roughness beyond that: what exceeds them is a leap, for so many steps."""
@@ -511,7 +514,7 @@ def _against_speed(monitor, settings):
 @inner
 def _allowance(monitor, settings):
     """By how many m/s^2 a jerk or a shaking widens the limits."""
-    jerk = max(abs(jerk_of(monitor.speed)), monitor.speed.largest_jerk - 2.0 * CALM_JERK)
+    jerk = max(abs(jerk_of(monitor.speed)), monitor.speed.largest_jerk - SHARP_JERK)
     allowance = settings.jerk_allowance * jerk + BURST * monitor.burst**0.5
     # A sharp manoeuvre shows every lag that is not known; the accelerometer feels it first.
     doubt = LAG_DOUBT * LAG_PRIOR / monitor.lag_square
