@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from lfd_diagnosis.verdict import State
-from lfd_mpc.sampling import playing_order
+from lfd_mpc.sampling import RADAR, playing_order
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
+from lfd_replay.evaluation.recorded_noise import recorded_sensors_drive
 from lfd_replay.evaluation.recorded_tracks import COUNT, backward, recorded_tracks, track_drive
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.import_drive import main_import
@@ -171,3 +172,22 @@ def test_a_real_radar_that_says_the_same_for_a_while_is_not_held(data, number, f
         if event.fault.state == State.FAULT
     }
     assert said == {"clearance", "radar"}
+
+
+def test_traffic_is_seen_by_the_recorded_sensors_as_the_seed_has_it(data: Path) -> None:
+    made = recorded_sensors_drive(data, "traffic-02", 1)
+    assert recorded_sensors_drive(data, "traffic-02", 1).samples == made.samples
+    scans = [sample for sample in made.samples if sample.input == RADAR]
+    other = recorded_sensors_drive(data, "traffic-02", 2).samples
+    assert [s.clearance for s in other if s.input == RADAR] != [s.clearance for s in scans]
+    assert min(scan.clearance for scan in scans) > 1.0
+    gaps = [(b.stamp - a.stamp) * 1e-9 for a, b in itertools.pairwise(scans)]
+    assert 0.005 < sum(gap > 0.08 for gap in gaps) / len(gaps) < 0.05 and max(gaps) < 2.0
+
+
+@pytest.mark.parametrize("name", ["traffic-02", "traffic-05", "traffic-68"])
+def test_traffic_with_its_stops_raises_no_fault(data: Path, name: str) -> None:
+    graph = OfflineGraph(graph_settings("robust"))
+    for rows in graph.rows(recorded_sensors_drive(data, name, 1).samples):
+        for outcome in graph.outcomes(rows):
+            assert not [e for e in outcome.events if e.fault.state == State.FAULT]
