@@ -194,6 +194,17 @@ def test_a_radar_that_goes_over_to_another_part_of_the_car_is_not_faulty(car: Ca
     assert not car.faults_since(start)
 
 
+@pytest.mark.parametrize("step", [0.7, -0.7])
+def test_a_radar_that_goes_over_twice_does_not_drift(step: float) -> None:
+    """A straight line fits stairs as well as one shift does, and neither fits well."""
+    car = Car()
+    car.drive(15.0)
+    start = car.number
+    car.drive(0.9, clearance=step)
+    car.drive(3.9, clearance=2.0 * step)
+    assert not car.faults_since(start)
+
+
 def test_what_no_car_is_long_enough_for_is_a_fault(car: Car) -> None:
     start = car.number
     for level in (1.0, 1.9, 2.7, 3.5):
