@@ -107,6 +107,13 @@ class Car:
             outcome = self.step(**faults)
         return outcome
 
+    def drive_off(self, seconds: float) -> None:
+        """From rest, accelerating by up to 1.5 m/s^2."""
+        for k in range(round(seconds * 100)):
+            acceleration = min(0.02 * (k + 1), 1.5)
+            self.speed += 0.01 * acceleration
+            self.step(acceleration=acceleration)
+
     def faults_since(self, number: int) -> set[str]:
         """Names of everything that was called faulty after that many steps."""
         return {
@@ -538,11 +545,7 @@ def standing(car: Car) -> Car:
 def test_a_wheel_is_as_rough_after_a_long_rest_as_it_was_before(standing: Car) -> None:
     start = standing.number
     standing.drive(120.0, host_speed_is=0.0)
-    acceleration = 0.0
-    for _ in range(400):
-        acceleration = min(acceleration + 0.02, 1.5)
-        standing.speed += 0.01 * acceleration
-        standing.step(acceleration=acceleration)
+    standing.drive_off(4.0)
     assert not standing.faults_since(start)
 
 
@@ -550,11 +553,7 @@ def test_what_shakes_a_standing_car_is_no_fault(standing: Car) -> None:
     random, start = Random(2), standing.number
     for _ in range(300):
         standing.step(acceleration=random.gauss(0.0, 0.9), host_speed_is=0.0)
-    acceleration = 0.0
-    for _ in range(300):
-        acceleration = min(acceleration + 0.02, 1.0)
-        standing.speed += 0.01 * acceleration
-        standing.step(acceleration=acceleration)
+    standing.drive_off(4.0)
     assert not standing.faults_since(start)
 
 
