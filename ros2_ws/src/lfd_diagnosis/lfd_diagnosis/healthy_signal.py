@@ -127,11 +127,17 @@ seen between two samples, infinite before any was seen.
 @inner
 def start_roughness(roughness, window):
     """Begin with nothing; `window`: of how many samples the share is taken."""
-    roughness.recent[:] = 0
-    roughness.window = window
-    roughness.next = roughness.count = roughness.samples_before = roughness.known = 0
+    roughness.window, roughness.known = window, 0
+    empty_roughness(roughness)
     roughness.usual = 0.0
     roughness.resolution = np.inf
+
+
+@inner
+def empty_roughness(roughness):
+    """None of the last samples was rough; what is usual stays."""
+    roughness.recent[:] = 0
+    roughness.next = roughness.count = roughness.samples_before = 0
 
 
 @inner

@@ -9,6 +9,7 @@ from lfd_diagnosis.healthy_signal import (
     POSSIBLE_JERK,
     at,
     deviation,
+    empty_roughness,
     excuse_repetition,
     is_frozen,
     is_new,
@@ -31,6 +32,7 @@ from lfd_diagnosis.lead_track import (
     set_velocity,
     start_track,
 )
+from lfd_diagnosis.new_target import LEAP, follow_leap, forget_leap, is_new_target
 from lfd_diagnosis.radar_signal import (
     RADAR_SIGNAL,
     acquit,
@@ -123,6 +125,9 @@ HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 
 its resolution, by host and lead, and m/s^2 of doubt about the lead after a second; or deviations of
 the clearance's noise by which that leaves the path, filtered by a share."""
 
+UNKNOWN_LEAD = 1.5
+"""m/s^2 that a lead may accelerate by when it comes into view."""
+
 TAKEN_BACK = 2.0
 """Seconds of a held relative velocity that the track can be taken back by."""
 
@@ -187,6 +192,7 @@ RADAR = np.dtype(
         ("lost_since", "f8"),
         ("carried", "?"),
         ("carried_since", "f8"),
+        ("leap", LEAP),
     ],
     align=True,
 )
@@ -227,6 +233,7 @@ def _start_target(radar, settings):
     radar.lead_when_held = radar.changed_while_held = radar.most_changed = 0.0
     radar.clearance_when_held = radar.off_while_held = 0.0
     clear_path(radar.path)
+    forget_leap(radar.leap)
     restart_signal(radar.clearance)
     restart_signal(radar.velocity)
 
@@ -391,19 +398,9 @@ def _scan(radar, settings, track_id):
 def _follow_held_velocity(radar, same):
     """What a relative velocity that repeats itself leaves unsaid: by what was expected of it, host
     and lead going on as they did, and by the clearance."""
-    clearance, velocity, track = radar.measured_clearance, radar.measured_velocity, radar.track
+    clearance, velocity = radar.measured_clearance, radar.measured_velocity
     if not (same and radar.has_track):
-        radar.lead_when_held = radar.slow_acceleration
-        radar.slower_lead_when_held = radar.slower_acceleration
-        radar.track_when_held = track
-        radar.time_while_held = radar.host_gain_while_held = radar.host_path_while_held = 0.0
-        # What is held was measured; a zero was not, and may be off from its first sample on.
-        expected = track.velocity - velocity.age * (track.acceleration - radar.host)
-        radar.changed_while_held = expected if velocity.value == 0.0 else 0.0
-        radar.most_changed = abs(radar.changed_while_held)
-        radar.held_since = velocity.at
-        radar.clearance_when_held = track.clearance - velocity.age * track.velocity
-        radar.off_while_held = 0.0
+        _begin_to_hold(radar)
         return
     period = velocity.at - radar.velocity.last_at
     radar.changed_while_held += (radar.lead_when_held - radar.host) * period
@@ -412,6 +409,23 @@ def _follow_held_velocity(radar, same):
     if clearance.new:
         off = clearance.value - radar.clearance_when_held
         radar.off_while_held += HELD_SHARE * (off - radar.off_while_held)
+
+
+@inner
+def _begin_to_hold(radar):
+    """A relative velocity may repeat itself from now on."""
+    velocity, track = radar.measured_velocity, radar.track
+    radar.lead_when_held = radar.slow_acceleration
+    radar.slower_lead_when_held = radar.slower_acceleration
+    radar.track_when_held = track
+    radar.time_while_held = radar.host_gain_while_held = radar.host_path_while_held = 0.0
+    # What is held was measured; a zero was not, and may be off from its first sample on.
+    expected = track.velocity - velocity.age * (track.acceleration - radar.host)
+    radar.changed_while_held = expected if velocity.value == 0.0 else 0.0
+    radar.most_changed = abs(radar.changed_while_held)
+    radar.held_since = velocity.at
+    radar.clearance_when_held = track.clearance - velocity.age * track.velocity
+    radar.off_while_held = 0.0
 
 
 @inner
@@ -453,7 +467,13 @@ def _begin(radar, settings, track_id):
     radar.has_track = True
     radar.id, radar.scans = track_id, 1
     radar.slow_acceleration = radar.slower_acceleration = mean
+    # Nothing of another target says that this one's signals are held, or rough.
+    radar.travelled_while_held = 0.0
+    _begin_to_hold(radar)
+    empty_roughness(radar.clearance.roughness)
+    empty_roughness(radar.velocity.roughness)
     _cut_path(radar)
+    forget_leap(radar.leap)
     for signal in (radar.clearance, radar.velocity):
         signal.residual = signal.limit = np.nan
         if not signal.faulty:
@@ -634,6 +654,34 @@ def _is_settling(radar):
 
 
 @inner
+def _has_leapt(radar):
+    """Whether the radar sees another target under the same id."""
+    clearance, velocity = radar.clearance, radar.velocity
+    measured_clearance, measured_velocity = radar.measured_clearance, radar.measured_velocity
+    whole = measured_clearance.new and measured_velocity.new
+    disagrees = is_bad(velocity) or (is_bad(clearance) and not clearance.faulty)
+    if not (whole and disagrees) or velocity.faulty:
+        forget_leap(radar.leap)
+        return False
+    follow_leap(
+        radar.leap,
+        measured_clearance.at,
+        measured_clearance.value,
+        measured_velocity.value,
+        clearance.residual - offset_of(clearance),
+        velocity.residual,
+        deviation_about(velocity, radar.track.vv),
+    )
+    return is_new_target(
+        radar.leap,
+        measured_clearance.value,
+        deviation(clearance.noise),
+        resolution_of(clearance.roughness),
+        is_bad(velocity),
+    )
+
+
+@inner
 def _judge(radar, settings, repeated):
     """Hold a scan against the track, then teach the track what is good of it."""
     track, clearance, velocity = radar.track, radar.clearance, radar.velocity
@@ -653,6 +701,11 @@ def _judge(radar, settings, repeated):
     _hold_against(velocity, measured_velocity, expected, limits[1], repeated)
     if has_clearance and has_velocity and _is_settling(radar):
         _begin(radar, settings, radar.id)
+        return
+    if not repeated and _has_leapt(radar):
+        _change_target(radar, measured_clearance.at)
+        _begin(radar, settings, radar.id)
+        radar.begun_at = measured_clearance.at
         return
     clearance_was_faulty, velocity_was_faulty = clearance.faulty, velocity.faulty
     _judge_signal(radar, settings, clearance, measured_clearance, True, repeated)
@@ -736,6 +789,8 @@ def _take_back_held(radar, settings, age):
 @inner
 def _suspect(radar, settings, signal, of_clearance):
     """Whether a signal that was healthy still is."""
+    if radar.leap.waits:
+        return
     if signal.confidence >= settings.scan_confidence_threshold:
         explainable = of_clearance and is_explainable(radar.path)
         if explainable and _is_gradual(radar, settings):
@@ -800,7 +855,9 @@ def _should_have_changed(radar, settings, signal, of_clearance):
             HELD_STEPS * clearance.roughness.resolution,
         )
     step, held_for = resolution_of(signal.roughness), signal.last_at - radar.held_since
+    known_for = max(radar.held_since - radar.begun_at, 0.0)
     change = max(HELD_CHANGE, CHANGE_STEPS * step) + LEAD_DOUBT * max(held_for - 1.0, 0.0)
+    change += UNKNOWN_LEAD * exp(-known_for / SLOW) * held_for
     beside = sqrt(clearance.noise.variance + WANDERING * _wander(radar, settings))
     off = HELD_OFF * beside + 0.5 * step * held_for
     off += 0.5 * resolution_of(clearance.roughness)

@@ -1,0 +1,103 @@
+"""Another target under the same id: radars give the id of a target that is gone to the next one.
+
+Both signals jump then, as they do when both are faulty. But a target's clearance goes on as its
+relative velocity says; where that is faulty, it goes on as it did before.
+"""
+
+from math import sqrt
+
+import numpy as np
+
+from lfd_mpc.compiled import inner
+
+CERTAIN, CLEARLY = 4.0, 0.35
+"""Deviations of the difference of two clearances that a way must be off to be wrong, and share of
+that which the other way may be off."""
+
+FAR, MOVED = 6.0, 3.0
+"""m that no offset is where the velocity moves in the same scan, by so many deviations."""
+
+LONGEST = 0.3
+"""Seconds after which a target that is as far away is taken for another one, were it in doubt."""
+
+LEAP = np.dtype(
+    [
+        ("scans", "i8"),
+        ("since", "f8"),
+        ("far", "?"),
+        ("waits", "?"),
+        ("clearance", "f8"),
+        ("way", "f8"),
+        ("beside", "f8"),
+        ("then", "f8"),
+        ("velocity", "f8"),
+        ("off", "f8"),
+    ],
+    align=True,
+)
+"""What became of a jump of either signal, over `scans` since a time in s: the `clearance` (m) that
+was measured first, the `way` (m) that the relative velocity makes since, and how far that is
+`beside` the one that was expected; the last scan's `velocity` (m/s) and how far that is `off`.
+
+`far`: no sensor is off by so much and in both signals; `waits`: whether it is in doubt for a
+moment."""
+
+
+@inner
+def forget_leap(leap):
+    """Nothing has jumped."""
+    leap.scans, leap.waits = 0, False
+
+
+@inner
+def follow_leap(leap, at, clearance, velocity, jump, off, deviation):
+    """Take one scan that disagrees: time (s), its clearance (m) and relative velocity (m/s), by how
+    much it leaves the former one (m) and is off in velocity (m/s), of which a healthy one deviates
+    by so much."""
+    far = abs(jump) > FAR and abs(off) > MOVED * deviation
+    if not leap.scans:
+        leap.since, leap.far = at, far
+        _restart_leap(leap, clearance)
+    else:
+        period = at - leap.then
+        leap.way += 0.5 * (velocity + leap.velocity) * period
+        leap.beside += 0.5 * (off + leap.off) * period
+        leap.scans += 1
+        # Targets may follow one another at once.
+        if abs(clearance - leap.clearance - leap.way) > FAR:
+            leap.far = leap.far or far
+            _restart_leap(leap, clearance)
+    leap.then, leap.velocity, leap.off = at, velocity, off
+
+
+@inner
+def _restart_leap(leap, clearance):
+    leap.scans, leap.clearance = 1, clearance
+    leap.way = leap.beside = 0.0
+
+
+@inner
+def is_new_target(leap, clearance, noise, resolution, velocity_jumped):
+    """Whether what jumped is another target, or `waits`.
+
+    Clearance (m), the deviation of its noise and its resolution; whether the relative velocity has
+    left its limits, too. A clearance of exactly zero is no target.
+    """
+    leap.waits = leap.far and leap.then - leap.since < LONGEST
+    if leap.scans < 2:
+        return False
+    doubt = CERTAIN * sqrt(2.0) * noise + resolution
+    off_own = abs(clearance - leap.clearance - leap.way)
+    off_former = abs(clearance - leap.clearance - leap.way + leap.beside)
+    goes_on = off_former < CLEARLY * off_own and (off_own > doubt or not leap.far)
+    if clearance == 0.0 or goes_on:
+        leap.waits = False
+        return False
+    if off_former > doubt and off_own < CLEARLY * off_former:
+        return True
+    if off_own > doubt:
+        # The first scans of a target may lie anywhere.
+        _restart_leap(leap, clearance)
+        return False
+    leap.waits = leap.waits and velocity_jumped
+    return leap.far and not leap.waits
