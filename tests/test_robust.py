@@ -647,11 +647,86 @@ def test_an_emergency_stop_to_rest_is_no_fault(car: Car, late: int) -> None:
     assert report.acceleration.state == State.OK
 
 
+@pytest.mark.parametrize("track_id", [1, -1])
+@pytest.mark.parametrize(
+    ("clearance", "velocity"), [(50.0, 15.0), (80.0, 1.5), (50.0, 0.3), (24.5, -15.0)]
+)
+def test_another_car_under_the_same_id_is_no_fault(track_id, clearance, velocity) -> None:
+    """Radars give the id of a target that is gone to the next one, from one scan to the next."""
+    car = Car()
+    car.track_id = track_id
+    car.drive(8.0)
+    start = car.number
+    for car.clearance, car.velocity in ((clearance, velocity), (30.0, 0.0)):
+        report = car.drive(1.0).report
+        assert report.clearance.state == report.relative_velocity.state == State.OK
+    assert not car.faults_since(start)
+    car.drive(1.0, clearance=2.0)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
+def test_cars_that_follow_one_another_under_one_id_are_no_fault(car: Car) -> None:
+    """Not even where the first scans of each lie beside those that follow."""
+    start = car.number
+    for clearance, velocity, scans in ((70.0, -17.0, 1), (25.0, 12.0, 3), (45.0, 8.0, 30)):
+        car.clearance, car.velocity = clearance, velocity
+        car.drive(0.01 * SCAN, clearance=0.6)
+        car.drive(0.01 * SCAN * scans)
+    assert not car.faults_since(start)
+    assert car.drive(0.5).report.clearance.state == State.OK
+
+
+@pytest.mark.parametrize(("jump", "faults"), [(5.0, {"clearance", "radar"}), (8.0, set())])
+def test_another_car_some_missed_scans_later_is_no_fault(car: Car, jump, faults) -> None:
+    start = car.number
+    car.radar_silent = True
+    car.drive(0.15)
+    car.radar_silent = False
+    car.clearance += jump
+    car.drive(1.0)
+    assert car.faults_since(start) == faults
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"clearance": 20.0},
+        {"clearance": 20.0, "relative_velocity": -10.0},
+        {"clearance": 4.0, "relative_velocity": -10.0},
+        {"relative_velocity": -10.0},
+        {"clearance_is": 0.0, "relative_velocity_is": 0.0},
+    ],
+)
+def test_a_large_fault_does_not_pass_for_another_car(car: Car, fault) -> None:
+    """Its clearance goes on as before, whatever the relative velocity says."""
+    car.velocity = 2.0
+    car.track_id = 2
+    car.drive(2.0)
+    start = car.number
+    car.drive(2.0, **fault)
+    named = {name.removesuffix("_is") for name in fault}
+    assert car.faults_since(start) == named | {"radar"}
+    assert all(car.delay(name, start) <= 0.2 for name in named)
+
+
+def test_a_calm_target_is_not_held_because_another_one_moved(car: Car) -> None:
+    """A radar of coarse steps, whose relative velocity is the same from a target's first scan."""
+    car.track_id, car.clearance, car.velocity = 2, 80.0, -8.0
+    for _ in range(600):
+        car.step(relative_velocity_is=-8.0 + 0.05 * round(0.8 * car.random.normal()))
+    start = car.number
+    car.track_id, car.clearance, car.velocity = 3, 60.0, -1.0
+    report = car.drive(1.2, relative_velocity_is=-1.0).report
+    assert report.relative_velocity.state == State.OK
+    assert not car.faults_since(start)
+
+
 def test_without_ids_another_car_is_told_by_what_it_says_of_itself() -> None:
+    """Where it is so near that it could be a fault as well."""
     car = Car()
     car.track_id = -1
     car.drive(8.0)
-    car.clearance, car.velocity = 50.0, 3.0
+    car.clearance, car.velocity = car.clearance + 4.0, 3.0
     verdict = car.drive(1.0).report.radar
     assert verdict.state == State.FAULT, "nobody knows yet"
     car.drive(9.0)

@@ -15,7 +15,8 @@ CERTAIN, CLEARLY = 4.0, 0.35
 that which the other way may be off."""
 
 FAR, MOVED = 6.0, 3.0
-"""m that no offset is where the velocity moves in the same scan, by so many deviations."""
+"""m by which a target is another one where scans were missed before, or the relative velocity moves
+in the same scan, by so many deviations."""
 
 LONGEST = 0.3
 """Seconds after which a target that is as far away is taken for another one, were it in doubt."""
@@ -44,6 +45,12 @@ moment."""
 
 
 @inner
+def is_far(off):
+    """Whether a clearance is too far off (m) to be that of the same target."""
+    return abs(off) > FAR
+
+
+@inner
 def forget_leap(leap):
     """Nothing has jumped."""
     leap.scans, leap.waits = 0, False
@@ -54,7 +61,7 @@ def follow_leap(leap, at, clearance, velocity, jump, off, deviation):
     """Take one scan that disagrees: time (s), its clearance (m) and relative velocity (m/s), by how
     much it leaves the former one (m) and is off in velocity (m/s), of which a healthy one deviates
     by so much."""
-    far = abs(jump) > FAR and abs(off) > MOVED * deviation
+    far = is_far(jump) and abs(off) > MOVED * deviation
     if not leap.scans:
         leap.since, leap.far = at, far
         _restart_leap(leap, clearance)
@@ -64,7 +71,7 @@ def follow_leap(leap, at, clearance, velocity, jump, off, deviation):
         leap.beside += 0.5 * (off + leap.off) * period
         leap.scans += 1
         # Targets may follow one another at once.
-        if abs(clearance - leap.clearance - leap.way) > FAR:
+        if is_far(clearance - leap.clearance - leap.way):
             leap.far = leap.far or far
             _restart_leap(leap, clearance)
     leap.then, leap.velocity, leap.off = at, velocity, off
@@ -91,12 +98,12 @@ def is_new_target(leap, clearance, noise, resolution, velocity_jumped):
     off_former = abs(clearance - leap.clearance - leap.way + leap.beside)
     goes_on = off_former < CLEARLY * off_own and (off_own > doubt or not leap.far)
     if clearance == 0.0 or goes_on:
-        leap.waits = False
+        # The first scan of a target may lie anywhere: the third tells.
+        leap.waits = leap.waits and clearance != 0.0 and leap.scans == 2
         return False
     if off_former > doubt and off_own < CLEARLY * off_former:
         return True
     if off_own > doubt:
-        # The first scans of a target may lie anywhere.
         _restart_leap(leap, clearance)
         return False
     leap.waits = leap.waits and velocity_jumped

@@ -32,7 +32,7 @@ from lfd_diagnosis.lead_track import (
     set_velocity,
     start_track,
 )
-from lfd_diagnosis.new_target import LEAP, follow_leap, forget_leap, is_new_target
+from lfd_diagnosis.new_target import LEAP, follow_leap, forget_leap, is_far, is_new_target
 from lfd_diagnosis.radar_signal import (
     RADAR_SIGNAL,
     acquit,
@@ -103,6 +103,10 @@ SLOW, SLOW_STD = 0.5, 0.2
 """Seconds over which the lead's acceleration is averaged before it is relied on for long, and how
 well it is known then, in m/s^2."""
 
+FIRST_PERIOD, PERIOD_SHARE, MISSED = 0.05, 0.1, 2.5
+"""Seconds between two scans before any was seen, share of a new one in their average, and how many
+of them are a gap after which the same id may be another target's."""
+
 MEMORY = 0.6
 """Seconds for which a target is remembered under its track id."""
 
@@ -167,6 +171,7 @@ RADAR = np.dtype(
         ("has_track", "?"),
         ("scans", "i8"),
         ("begun_at", "f8"),
+        ("period", "f8"),
         ("id", "i8"),
         ("remembered", _SLOT, (REMEMBERED,)),
         ("remembered_count", "i8"),
@@ -217,7 +222,7 @@ def start_radar(radar, settings):
         learn,
     )
     start_path(radar.path, learn)
-    radar.host_moves = True
+    radar.host_moves, radar.period = True, FIRST_PERIOD
     radar.lost = radar.carried = False
     _start_target(radar, settings)
 
@@ -513,11 +518,27 @@ def _regain(radar, settings):
 
 
 @inner
+def _has_missed_scans(radar, gap):
+    """Whether `gap` (s) since the last scan is longer than between others."""
+    usual = radar.period
+    radar.period += PERIOD_SHARE * (min(gap, 2.0 * usual) - usual)
+    return gap > MISSED * usual
+
+
+@inner
+def _is_far_away(radar):
+    """Whether what is seen is too far from a healthy track to be its target."""
+    clearance, velocity = radar.measured_clearance, radar.measured_velocity
+    off = clearance.value + velocity.value * clearance.age - radar.track.clearance
+    return not is_radar_faulty(radar) and is_far(off)
+
+
+@inner
 def _is_another(radar, settings, track_id):
     """Sort out a new track id, or a silence; whether a new target was begun."""
     at = radar.measured_clearance.at
     gap = at - max(radar.clearance.last_at, radar.velocity.last_at)
-    silent = gap > LOST_AFTER
+    silent = gap > LOST_AFTER or (_has_missed_scans(radar, gap) and _is_far_away(radar))
     known = track_id != UNKNOWN_TRACK and radar.id != UNKNOWN_TRACK
     changed = track_id != radar.id and known
     if not changed and not silent:
