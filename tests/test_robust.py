@@ -665,6 +665,24 @@ def test_another_car_under_the_same_id_is_no_fault(track_id, clearance, velocity
     assert car.faults_since(start) == {"clearance", "radar"}
 
 
+@pytest.mark.parametrize(
+    ("velocity", "jump", "faults"),
+    [
+        (-15.0, 14.0, set()),
+        (-15.0, 10.0, {"clearance", "radar"}),
+        (-12.0, 14.0, {"clearance", "radar"}),
+    ],
+)
+def test_something_else_that_stands_is_no_fault(car: Car, velocity, jump, faults) -> None:
+    """What stands is all equally fast: the relative velocity does not tell one from another."""
+    car.track_id, car.clearance, car.velocity = 2, 90.0, velocity
+    car.drive(2.0)
+    start = car.number
+    car.clearance += jump
+    car.drive(1.0)
+    assert car.faults_since(start) == faults
+
+
 def test_cars_that_follow_one_another_under_one_id_are_no_fault(car: Car) -> None:
     """Not even where the first scans of each lie beside those that follow."""
     start = car.number

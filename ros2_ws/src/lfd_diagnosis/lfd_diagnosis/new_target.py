@@ -18,6 +18,9 @@ FAR, MOVED = 6.0, 3.0
 """m by which a target is another one where scans were missed before, or the relative velocity moves
 in the same scan, by so many deviations."""
 
+FAR_STANDING = 12.0
+"""m by which something else that stands is another target: it is all equally fast."""
+
 LONGEST = 0.3
 """Seconds after which a target that is as far away is taken for another one, were it in doubt."""
 
@@ -57,11 +60,12 @@ def forget_leap(leap):
 
 
 @inner
-def follow_leap(leap, at, clearance, velocity, jump, off, deviation):
+def follow_leap(leap, at, clearance, velocity, jump, off, deviation, stands):
     """Take one scan that disagrees: time (s), its clearance (m) and relative velocity (m/s), by how
     much it leaves the former one (m) and is off in velocity (m/s), of which a healthy one deviates
-    by so much."""
+    by so much; whether it stands."""
     far = is_far(jump) and abs(off) > MOVED * deviation
+    far = far or (stands and abs(jump) > FAR_STANDING)
     if not leap.scans:
         leap.since, leap.far = at, far
         _restart_leap(leap, clearance)

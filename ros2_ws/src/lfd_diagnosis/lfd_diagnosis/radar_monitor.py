@@ -103,6 +103,9 @@ SLOW, SLOW_STD = 0.5, 0.2
 """Seconds over which the lead's acceleration is averaged before it is relied on for long, and how
 well it is known then, in m/s^2."""
 
+STANDS = 0.1
+"""Share of the host's speed by which a relative velocity is off from that of what stands."""
+
 FIRST_PERIOD, PERIOD_SHARE, MISSED = 0.05, 0.1, 2.5
 """Seconds between two scans before any was seen, share of a new one in their average, and how many
 of them are a gap after which the same id may be another target's."""
@@ -179,6 +182,7 @@ RADAR = np.dtype(
         ("slower_acceleration", "f8"),
         ("host", "f8"),
         ("host_moves", "?"),
+        ("host_speed", "f8"),
         ("travelled_while_held", "f8"),
         ("lead_when_held", "f8"),
         ("slower_lead_when_held", "f8"),
@@ -222,7 +226,7 @@ def start_radar(radar, settings):
         learn,
     )
     start_path(radar.path, learn)
-    radar.host_moves, radar.period = True, FIRST_PERIOD
+    radar.host_moves, radar.host_speed, radar.period = True, np.nan, FIRST_PERIOD
     radar.lost = radar.carried = False
     _start_target(radar, settings)
 
@@ -289,14 +293,17 @@ def coast_radar(radar, settings, host_acceleration):
 
 
 @inner
-def follow_radar(radar, settings, horizon, host_acceleration, lead_acceleration, host_moves):
+def follow_radar(
+    radar, settings, horizon, host_acceleration, lead_acceleration, host_speed, host_moves
+):
     """Take one step's measurements.
 
-    The host's acceleration in m/s^2 as best known; the lead's, NaN unless the lead says it;
-    whether the host surely moves, so that equal samples mean something.
+    The host's acceleration in m/s^2 as best known; the lead's, NaN unless the lead says it; the
+    host's speed in m/s, NaN unless it is believed, and whether it surely moves, so that equal
+    samples mean something.
     """
     now = horizon.stamp * 1e-9
-    radar.host_moves = host_moves
+    radar.host_speed, radar.host_moves = host_speed, host_moves
     if not horizon.has_target:
         if radar.has_track:
             _change_target(radar, now)
@@ -601,8 +608,10 @@ def _knows(radar, settings, track_id, changed):
         _remember(radar, clearance.at)
     limits = _limits(radar, settings)
     now = clearance.value + velocity.value * clearance.age
+    off = now - radar.track.clearance
     if (
-        abs(now - radar.track.clearance) <= limits[0]
+        abs(off) <= limits[0]
+        and (faulty or not is_far(off))
         and abs(velocity.value - radar.track.velocity) <= limits[1]
     ):
         if changed and not faulty:
@@ -692,6 +701,7 @@ def _has_leapt(radar):
         clearance.residual - offset_of(clearance),
         velocity.residual,
         deviation_about(velocity, radar.track.vv),
+        abs(radar.host_speed + measured_velocity.value) < STANDS * radar.host_speed,
     )
     return is_new_target(
         radar.leap,

@@ -154,7 +154,8 @@ def robust_step(state, settings, horizon, relative_acceleration, outcome):
     follow_acceleration(acceleration, settings, horizon)
     told = lead.acceleration if is_trusted(lead, settings) else np.nan
     moves = not is_standing(acceleration.speed)
-    follow_radar(radar, settings, horizon, acceleration.acceleration, told, moves)
+    speed = acceleration.speed.last if is_usable(acceleration.speed, settings) else np.nan
+    follow_radar(radar, settings, horizon, acceleration.acceleration, told, speed, moves)
     # What the observers make of a radar that is not to be believed is not to be believed either.
     believed = is_ready(radar) and not is_radar_faulty(radar)
     relative = relative_acceleration if believed else np.nan

@@ -13,6 +13,12 @@ from lfd_replay.evaluation.cases import RECORDED, load_drive
 TRACK = "track "
 """A track of the recorded radar by itself; its number follows."""
 
+TRACK_ID = "id "
+"""All that the recorded radar saw under one of its ids, one target after another; it follows."""
+
+TRACK_IDS = tuple(range(528, 542))
+"""Those ids."""
+
 BACKWARD = "backward "
 """A recorded drive played from its end to its beginning; its name follows."""
 
@@ -25,16 +31,11 @@ gives its few track ids again and again."""
 
 
 @cache
-def recorded_tracks(folder: Path) -> list[list[RadarSample]]:
-    """The tracks, longest first; stamps in the time of the recording's files."""
-    by_id: dict[str, list[dict[str, str]]] = {}
+def _scans_by_id(folder: Path) -> dict[int, list[tuple[RadarSample, bool]]]:
+    """Every scan of every id, and whether the radar calls it a new target's first."""
+    by_id: dict[int, list[tuple[RadarSample, bool]]] = {}
     with (folder / f"{RECORDED}.radar_alltracks.csv").open() as file:
         for row in csv.DictReader(file):
-            by_id.setdefault(row["track_addr"], []).append(row)
-    tracks: list[list[RadarSample]] = []
-    for rows in by_id.values():
-        last = None
-        for row in rows:
             sample = RadarSample(
                 stamp=round(float(row["t_s"]) * 1e9),
                 has_target=True,
@@ -42,9 +43,20 @@ def recorded_tracks(folder: Path) -> list[list[RadarSample]]:
                 relative_velocity=float(row["range_rate_mps"]),
                 track_id=int(row["track_addr"]),
             )
+            by_id.setdefault(sample.track_id, []).append((sample, row["new_track"] == "1"))
+    return by_id
+
+
+@cache
+def recorded_tracks(folder: Path) -> list[list[RadarSample]]:
+    """The tracks, longest first; stamps in the time of the recording's files."""
+    tracks: list[list[RadarSample]] = []
+    for scans in _scans_by_id(folder).values():
+        last = None
+        for sample, is_first in scans:
             if (
                 last is None
-                or row["new_track"] == "1"
+                or is_first
                 or sample.stamp - last.stamp > GAP * 1e9
                 or abs(sample.clearance - last.clearance) > JUMP
             ):
@@ -60,11 +72,21 @@ def track_drive(folder: Path, number: int) -> Drive:
     tracks = recorded_tracks(folder)
     if number >= len(tracks):
         raise UserError(f"{folder}: track {number} of {len(tracks)} in the recording")
-    track = tracks[number]
+    return _followed(f"{TRACK}{number}", folder, tracks[number])
+
+
+def track_id_drive(folder: Path, track_id: int) -> Drive:
+    """A drive behind whatever the radar gives that id, one of `TRACK_IDS`."""
+    scans = [sample for sample, _ in _scans_by_id(folder)[track_id]]
+    return _followed(f"{TRACK_ID}{track_id}", folder, scans)
+
+
+def _followed(name: str, folder: Path, track: list[RadarSample]) -> Drive:
+    """The recorded host behind a track."""
     first, last = track[0].stamp, track[-1].stamp
     host = [s for s in load_drive(RECORDED, folder).samples if not isinstance(s, RadarSample)]
     samples: list[Sample] = [*(s for s in host if first <= s.stamp <= last), *track]
-    return Drive(f"{TRACK}{number}", sorted(samples, key=lambda sample: sample.stamp))
+    return Drive(name, sorted(samples, key=lambda sample: sample.stamp))
 
 
 def backward(drive: Drive) -> Drive:

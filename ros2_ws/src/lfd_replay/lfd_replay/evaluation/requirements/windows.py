@@ -12,7 +12,14 @@ from lfd_mpc.sampling import HOST_SPEED, LEAD_ACCELERATION, Sample, ScalarSample
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
 from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS, recorded_sensors_drive
-from lfd_replay.evaluation.recorded_tracks import BACKWARD, TRACK, backward, track_drive
+from lfd_replay.evaluation.recorded_tracks import (
+    BACKWARD,
+    TRACK,
+    TRACK_ID,
+    backward,
+    track_drive,
+    track_id_drive,
+)
 from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.generated.generate import drive_truth, generate_drive
@@ -74,6 +81,8 @@ def load(run: Run, recorded: Path | None) -> Drive:
         )
     if run.drive.startswith(TRACK) and recorded is not None:
         return track_drive(recorded, int(run.drive.removeprefix(TRACK)))
+    if run.drive.startswith(TRACK_ID) and recorded is not None:
+        return track_id_drive(recorded, int(run.drive.removeprefix(TRACK_ID)))
     if run.drive == RECORDED:
         return load_drive(RECORDED, recorded)
     if run.sensor == RECORDED_SENSORS and recorded is not None:
