@@ -27,6 +27,7 @@ from lfd_diagnosis.healthy_signal import (
     RING,
     ROUGHNESS,
     append,
+    as_measured,
     at,
     deviation,
     excuse_repetition,
@@ -82,6 +83,9 @@ which that does not matter, and m/s^2 that the accelerometer may be ahead at mos
 SHARP_JERK = 8.0
 """m/s^3 that a jerk must exceed for its excess to count for a moment longer."""
 
+MOST_ALLOWANCE, STEEPEST = 6.0, 4.0
+"""m/s^2 by which limits widen at most, and that a slope and a sensor's mounting make at most."""
+
 LARGEST_STEP, LEAP, LEAP_MEMORY = 1.0, 3.0, 30
 """m/s^2 by which a possible jerk moves the accelerometer at most from one sample to the next, and
 roughness beyond that: what exceeds them is a leap, for so many steps."""
@@ -117,6 +121,9 @@ for so long until a jump has been measured."""
 UNDER_JUMP, LARGEST_RATE, LARGEST_SLOPE = 1.0, 0.5, 1.5
 """Time constant in s with which the slope is followed under a jump, and by how many m/s^3 and m/s^2
 at most."""
+
+JUMPED = 0.6
+"""Share of its difference from the slow mean that came within the last moment where it jumped."""
 
 THERE = 0.75
 """Share of a jump by which a sample may be off if it is still the jump that is seen in it."""
@@ -242,7 +249,6 @@ def start_acceleration(monitor, settings):
     start_noise(monitor.slow_noise, 0.2, 0.05, 1.0, learn, 2000)
     start_noise(monitor.report_noise, max(0.25, settings.lead_report_std), 0.1, 1.0, learn, 2000)
     monitor.lag_product, monitor.lag_square = 0.0, LAG_PRIOR
-    monitor.slope = monitor.slope_known = 0.0
     monitor.ticks = 0
     restart_acceleration(monitor)
 
@@ -251,6 +257,8 @@ def start_acceleration(monitor, settings):
 def restart_acceleration(monitor):
     """Nothing from before counts but what was learnt."""
     monitor.check.ground = Ground.NONE
+    # It may be another road.
+    monitor.slope = monitor.slope_known = 0.0
     _forgive(monitor)
     restart_speed(monitor.speed)
     restart_roughness(monitor.roughness)
@@ -336,7 +344,7 @@ def follow_acceleration(monitor, settings, horizon):
     speed = monitor.speed
     if settings.use_host_speed and not horizon.host_speed_stale:
         time = now - horizon.host_speed_age
-        value = horizon.measured_host_speed
+        value = as_measured(horizon.measured_host_speed)
         felt = monitor.acceleration
         if not monitor.faulty and not isnan(monitor.filtered):
             felt = monitor.filtered - monitor.slope
@@ -346,7 +354,7 @@ def follow_acceleration(monitor, settings, horizon):
     usable = not horizon.acceleration_stale
     if usable:
         time = now - horizon.acceleration_age
-        _follow_samples(monitor, settings, time, horizon.measured_acceleration)
+        _follow_samples(monitor, settings, time, as_measured(horizon.measured_acceleration))
     if is_usable(speed, settings):
         monitor.acceleration = speed.derivative
     elif usable and not monitor.faulty:
@@ -500,7 +508,10 @@ def _against_speed(monitor, settings):
     check = monitor.check
     # What jumped is held against a moment ago: the slope may have changed since its slow mean.
     if abs(step) < sudden and abs(slow) / gradual > abs(step) / sudden:
-        set_check(check, Ground.HOST_SPEED, slow, gradual, Kind.RAMP, monitor.slope)
+        jumped = abs(step) > JUMPED * abs(slow)
+        kind = Kind.OFFSET if jumped else Kind.RAMP
+        reference = monitor.baseline if jumped else monitor.slope
+        set_check(check, Ground.HOST_SPEED, slow, gradual, kind, reference)
     else:
         set_check(check, Ground.HOST_SPEED, step, sudden, Kind.OFFSET, monitor.baseline)
     if is_exceeded(check):
@@ -523,7 +534,7 @@ def _allowance(monitor, settings):
         lag = settings.jerk_allowance + doubt
         own = jerk_between(monitor.filtered, monitor.slow_filtered)
         allowance += min(lag * max(abs(own) - CALM_JERK, 0.0), LAG_MOST)
-    return allowance
+    return min(allowance, MOST_ALLOWANCE)
 
 
 @inner
@@ -538,6 +549,8 @@ def _lag(monitor, settings):
 def _learn(monitor, settings, off, jerk, step, slow_limit):
     """Slope, noise and lag, from a healthy step."""
     _follow_baseline(monitor, off)
+    if abs(off) > STEEPEST or abs(jerk) > POSSIBLE_JERK:
+        return
     monitor.slope_known += STEP_S
     slow = off - monitor.slope
     if monitor.slope_known < WARM_UP:

@@ -46,6 +46,12 @@ ENOUGH, LATELY = 100, 50
 often a signal repeats itself just now: a calm one does so more often."""
 
 
+LARGEST = 1e4
+"""What a signal says at most, in its unit: sensors that say more cannot be farther off."""
+
+LARGEST_ROUGHNESS = 100.0
+"""Square of a second difference that is learnt at most, in the square of the unit."""
+
 POSSIBLE_JERK = 40.0
 """m/s^3 that a car may reach: cars brake hard all of a sudden."""
 
@@ -54,6 +60,12 @@ POSSIBLE_JERK = 40.0
 def is_new(at, last_at):
     """Whether a sample of time `at` (s) is another one than that of `last_at`."""
     return at > last_at + SAME_STAMP
+
+
+@inner
+def as_measured(value):
+    """The value, not larger than anything is measured; NaN stays."""
+    return min(max(value, -LARGEST), LARGEST) if isfinite(value) else np.nan
 
 
 def share_of(time: float) -> float:
@@ -191,8 +203,10 @@ def take_roughness(roughness, value, healthy, possible):
     roughness.count += exceeds - roughness.recent[roughness.next]
     roughness.recent[roughness.next] = exceeds
     roughness.next = (roughness.next + 1) % roughness.window
-    if healthy:
+    # A sensor that has said the same ever since tells nothing of how rough it is.
+    if healthy and (square > 0.0 or roughness.usual > 0.0):
         roughness.known += 1
+        square = min(square, LARGEST_ROUGHNESS)
         if known:
             square = min(square, GIVE * GIVE * roughness.usual)
         roughness.usual += (square - roughness.usual) / min(roughness.known, 5 * LEARNT)

@@ -7,6 +7,7 @@ import numpy as np
 from lfd_diagnosis.evidence import Ground, give_ground
 from lfd_diagnosis.healthy_signal import (
     POSSIBLE_JERK,
+    as_measured,
     at,
     deviation,
     empty_roughness,
@@ -334,7 +335,7 @@ def follow_radar(
 @inner
 def _measure(measured, now, signal, value, age):
     measured.new = isfinite(value) and is_new(now - age, signal.last_at)
-    measured.at, measured.value, measured.age = now - age, value, age
+    measured.at, measured.value, measured.age = now - age, as_measured(value), age
 
 
 @inner
