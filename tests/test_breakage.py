@@ -3,6 +3,7 @@
 `make soak` runs the long forms (LFD_SOAK=1), `make test` the short ones.
 """
 
+import heapq
 import math
 import os
 import random
@@ -31,8 +32,18 @@ from std_msgs.msg import String
 from test_live_equals_offline import drive
 
 from lfd_diagnosis.diagnosis_node import DiagnosisNode
+from lfd_diagnosis.verdict import State
 from lfd_mpc.messages import from_time, to_time
+from lfd_mpc.mpc_node import INPUT_TOPICS
 from lfd_mpc.node_support import PIPELINE_QOS, READY_QOS
+from lfd_mpc.sampling import (
+    ACCELERATION,
+    HOST_SPEED,
+    RadarSample,
+    Sample,
+    ScalarSample,
+    playing_order,
+)
 from lfd_msgs.msg import (
     FaultReport,
     ObserverBank,
@@ -383,6 +394,36 @@ def test_fuzzed_sensors_never_end_the_graph_or_pass_for_healthy(capfd) -> None:
             "healthy again",
         )
         assert fuzzed.bad_samples > 0 and fuzzed.refused_samples > 0
+
+
+def healthy_sensors(first: int, seconds: float) -> list[Sample]:
+    """Sensors of a calm drive, from a stamp in ns on."""
+    generator, samples = np.random.default_rng(1), []
+    for number in range(round(100 * seconds)):
+        stamp, noise = first + number * STEP_NS, generator.standard_normal(4).tolist()
+        if number % 5 == 0:
+            clearance, velocity = 30.0 + 0.05 * noise[0], 0.02 * noise[1]
+            samples.append(RadarSample(stamp, True, clearance, velocity, 3))
+            samples.append(ScalarSample(HOST_SPEED, stamp, 20.0 + 0.01 * noise[2]))
+        samples.append(ScalarSample(ACCELERATION, stamp, 0.1 * noise[3]))
+    return samples
+
+
+@pytest.mark.parametrize(("seed", "count"), [(2, 16_000), (7, 30_000)])
+def test_what_fuzzed_sensors_said_does_not_last(seed: int, count: int) -> None:
+    """Through the step classes, a thousand times faster than live; taken as the node takes them."""
+    fuzzer, graph = Fuzzer(seed), OfflineGraph(graph_settings("robust"))
+    conversions = {topic: (name, take) for name, (_, topic, take) in INPUT_TOPICS.items()}
+    for _ in range((20 if SOAK else 1) * count // 50):
+        burst: dict[str, list[Sample]] = {}
+        for topic, message in (fuzzer.sensor() for _ in range(50)):
+            name, take = conversions[topic]
+            burst.setdefault(name, []).append(take(message))
+        deque(graph.run(heapq.merge(*burst.values(), key=playing_order)), maxlen=0)
+    (last,) = deque(graph.run(healthy_sensors(fuzzer.now + 10**15, 10.0)), maxlen=1)
+    for name in (*SIGNALS, "host_speed"):
+        verdict = getattr(last.outcome.report, name)
+        assert verdict.state in (State.OK, State.SUSPECT), (name, verdict.reason[:200])
 
 
 @pytest.mark.parametrize("profile", ["robust", "paper"])

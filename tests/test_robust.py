@@ -647,6 +647,29 @@ def test_an_emergency_stop_to_rest_is_no_fault(car: Car, late: int) -> None:
     assert report.acceleration.state == State.OK
 
 
+@pytest.mark.parametrize("value", [0.0, 1e6, -1e300])
+def test_an_accelerometer_that_wakes_up_late_is_healthy_from_then_on(value: float) -> None:
+    """What it said before is no slope, and says nothing of how rough it is."""
+    car = Car()
+    car.drive(5.0, acceleration_is=value)
+    car.drive(20.0)
+    start = car.number
+    assert car.drive(5.0).report.acceleration.state == State.OK
+    assert not car.faults_since(start)
+    car.drive(1.0, acceleration=2.0)
+    assert car.faults_since(start) == {"acceleration"}
+
+
+def test_after_a_restart_the_road_may_have_another_slope(car: Car) -> None:
+    car.drive(10.0, acceleration=0.8)
+    car.drive(20.0, acceleration=1.6)
+    car.number += 1000
+    start = len(car.outcomes)
+    report = car.drive(5.0, acceleration=-1.4).report
+    assert report.acceleration.state == State.OK
+    assert not car.faults_since(start)
+
+
 @pytest.mark.parametrize("track_id", [1, -1])
 @pytest.mark.parametrize(
     ("clearance", "velocity"), [(50.0, 15.0), (80.0, 1.5), (50.0, 0.3), (24.5, -15.0)]
