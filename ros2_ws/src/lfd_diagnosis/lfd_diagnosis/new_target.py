@@ -14,9 +14,9 @@ CERTAIN, CLEARLY = 4.0, 0.35
 """Deviations of the difference of two clearances that a way must be off to be wrong, and share of
 that which the other way may be off."""
 
-FAR, MOVED = 6.0, 3.0
+FAR, MOVED, LEAST_MOVED = 6.0, 3.0, 0.15
 """m by which a target is another one where scans were missed before, or the relative velocity moves
-in the same scan, by so many deviations."""
+in the same scan, by so many deviations, and m/s at least: that much a calm lead changes its own."""
 
 FAR_STANDING = 12.0
 """m by which something else that stands is another target: it is all equally fast."""
@@ -64,7 +64,7 @@ def follow_leap(leap, at, clearance, velocity, jump, off, deviation, stands):
     """Take one scan that disagrees: time (s), its clearance (m) and relative velocity (m/s), by how
     much it leaves the former one (m) and is off in velocity (m/s), of which a healthy one deviates
     by so much; whether it stands."""
-    far = is_far(jump) and abs(off) > MOVED * deviation
+    far = is_far(jump) and abs(off) > max(MOVED * deviation, LEAST_MOVED)
     far = far or (stands and abs(jump) > FAR_STANDING)
     if not leap.scans:
         leap.since, leap.far = at, far
