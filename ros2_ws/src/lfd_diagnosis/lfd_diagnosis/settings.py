@@ -115,7 +115,7 @@ class AccelerationChecks(Settings):
         le=20.0,
     )
     acceleration_limit: float = setting(
-        1.2,
+        1.25,
         "m/s^2",
         "least limit of their difference against its slow mean (gravity on a slope)",
         ROBUST,
