@@ -151,7 +151,7 @@ def test_no_track_of_the_recorded_radar_is_called_faulty(data: Path) -> None:
 
 
 def test_targets_that_the_recorded_radar_gives_one_id_are_no_faults(data: Path) -> None:
-    """From one scan to the next, or some scans later. Two ids are left: one sees a target 3.6 m off
+    """From one scan to the next, or some scans later. Two ids are left: one sees a target 3.3 m off
     after half a second, the other one that is rough."""
     drives = {number: track_id_drive(data, number) for number in TRACK_IDS}
     assert sum(drive.duration for drive in drives.values()) > 600.0

@@ -514,30 +514,33 @@ def _skip_step(radar):
 @inner
 def _regain(radar, settings):
     """After a moment without a scan: it may see another part of the car since."""
-    clearance, velocity = radar.measured_clearance, radar.measured_velocity
     if is_radar_faulty(radar) or not settings.check_drift:
         return
-    now = clearance.value + velocity.value * clearance.age
+    now = _clearance_now(radar)
     limits = _limits(radar, settings)
-    moves_on = abs(velocity.value - radar.track.velocity) <= limits[1]
+    moves_on = abs(radar.measured_velocity.value - radar.track.velocity) <= limits[1]
     if moves_on and limits[0] < abs(now - radar.track.clearance) <= settings.largest_shift:
         set_clearance(radar.track, now, radar.clearance.noise.variance)
         _cut_path(radar)
 
 
 @inner
-def _has_missed_scans(radar, gap):
-    """Whether `gap` (s) since the last scan is longer than between others."""
-    usual = radar.period
-    radar.period += PERIOD_SHARE * (min(gap, 2.0 * usual) - usual)
-    return gap > MISSED * usual
+def _clearance_now(radar):
+    """The clearance (m) that the scan says for this step."""
+    clearance = radar.measured_clearance
+    return clearance.value + radar.measured_velocity.value * clearance.age
+
+
+@inner
+def _follow_period(radar, gap):
+    """Average the seconds between scans by those since the last one; many are a gap, no period."""
+    radar.period += PERIOD_SHARE * (min(gap, 2.0 * radar.period) - radar.period)
 
 
 @inner
 def _is_far_away(radar):
     """Whether what is seen is too far from a healthy track to be its target."""
-    clearance, velocity = radar.measured_clearance, radar.measured_velocity
-    off = clearance.value + velocity.value * clearance.age - radar.track.clearance
+    off = _clearance_now(radar) - radar.track.clearance
     return not is_radar_faulty(radar) and is_far(off)
 
 
@@ -546,7 +549,9 @@ def _is_another(radar, settings, track_id):
     """Sort out a new track id, or a silence; whether a new target was begun."""
     at = radar.measured_clearance.at
     gap = at - max(radar.clearance.last_at, radar.velocity.last_at)
-    silent = gap > LOST_AFTER or (_has_missed_scans(radar, gap) and _is_far_away(radar))
+    has_missed = gap > MISSED * radar.period
+    _follow_period(radar, gap)
+    silent = gap > LOST_AFTER or (has_missed and _is_far_away(radar))
     known = track_id != UNKNOWN_TRACK and radar.id != UNKNOWN_TRACK
     changed = track_id != radar.id and known
     if not changed and not silent:
@@ -560,10 +565,16 @@ def _is_another(radar, settings, track_id):
         else:
             _cut_path(radar)
         return False
-    _change_target(radar, at)
-    _begin(radar, settings, track_id)
-    radar.begun_at = at
+    _begin_another(radar, settings, track_id)
     return True
+
+
+@inner
+def _begin_another(radar, settings, track_id):
+    """The radar sees another target from this scan on."""
+    _change_target(radar, radar.measured_clearance.at)
+    _begin(radar, settings, track_id)
+    radar.begun_at = radar.measured_clearance.at
 
 
 @inner
@@ -608,7 +619,7 @@ def _knows(radar, settings, track_id, changed):
     if changed and not faulty:
         _remember(radar, clearance.at)
     limits = _limits(radar, settings)
-    now = clearance.value + velocity.value * clearance.age
+    now = _clearance_now(radar)
     off = now - radar.track.clearance
     if (
         abs(off) <= limits[0]
@@ -735,9 +746,7 @@ def _judge(radar, settings, repeated):
         _begin(radar, settings, radar.id)
         return
     if not repeated and _has_leapt(radar):
-        _change_target(radar, measured_clearance.at)
-        _begin(radar, settings, radar.id)
-        radar.begun_at = measured_clearance.at
+        _begin_another(radar, settings, radar.id)
         return
     clearance_was_faulty, velocity_was_faulty = clearance.faulty, velocity.faulty
     _judge_signal(radar, settings, clearance, measured_clearance, True, repeated)
