@@ -12,6 +12,18 @@ from math import exp, isfinite, isnan, sqrt
 
 import numpy as np
 
+from lfd_diagnosis.acceleration_jump import (
+    JUMP,
+    find_jump,
+    follow_difference,
+    forget_jump,
+    is_measured,
+    jump_deviation,
+    jump_size,
+    learn_jump_noise,
+    restart_jump,
+    start_jump,
+)
 from lfd_diagnosis.evidence import (
     BECAUSE,
     CHECK,
@@ -182,6 +194,7 @@ ACCELERATION = np.dtype(
         ("step_noise", LEARNT_NOISE),
         ("slow_noise", LEARNT_NOISE),
         ("report_noise", LEARNT_NOISE),
+        ("jump", JUMP),
         ("lag_product", "f8"),
         ("lag_square", "f8"),
         ("slope", "f8"),
@@ -248,6 +261,7 @@ def start_acceleration(monitor, settings):
     start_noise(monitor.step_noise, 0.15, 0.03, 1.0, learn, 2000)
     start_noise(monitor.slow_noise, 0.2, 0.05, 1.0, learn, 2000)
     start_noise(monitor.report_noise, max(0.25, settings.lead_report_std), 0.1, 1.0, learn, 2000)
+    start_jump(monitor.jump, learn)
     monitor.lag_product, monitor.lag_square = 0.0, LAG_PRIOR
     monitor.ticks = 0
     restart_acceleration(monitor)
@@ -261,6 +275,7 @@ def restart_acceleration(monitor):
     monitor.slope = monitor.slope_known = 0.0
     _forgive(monitor)
     restart_speed(monitor.speed)
+    restart_jump(monitor.jump)
     restart_roughness(monitor.roughness)
     restart_repetition(monitor.repetition)
     monitor.last_at = -np.inf
@@ -313,6 +328,9 @@ def expected_std(monitor, settings):
     # Each sample has noise of its own; the slow mean of the slope is held against only where
     # nothing is known of a moment before.
     noise = monitor.roughness.usual / SECOND_DIFFERENCES
+    if is_measured(monitor.jump):
+        # By now it is the road that shakes it.
+        noise = max(noise, monitor.burst)
     jumped = monitor.faulty and monitor.kind == Kind.OFFSET
     slope = 0.0 if jumped else monitor.slow_noise.variance
     return sqrt(slope + monitor.step_noise.variance + noise + drift)
@@ -403,6 +421,7 @@ def judge_acceleration(monitor, settings, horizon, relative_acceleration, lead_r
     if horizon.acceleration_stale:
         monitor.confidence, monitor.corrected = 0, False
         check.ground = Ground.NONE
+        restart_jump(monitor.jump)
         return
     monitor.ticks += 1
     _follow_lead(monitor, relative_acceleration)
@@ -411,6 +430,7 @@ def judge_acceleration(monitor, settings, horizon, relative_acceleration, lead_r
         _against_speed(monitor, settings)
     else:
         _forget_baseline(monitor)
+        restart_jump(monitor.jump)
         _against_lead(monitor, settings, lead_report)
     exceeded = is_exceeded(check)
     _count(monitor, settings, exceeded)
@@ -471,9 +491,20 @@ def _convict(monitor, settings, kind, ground, first, second):
     off = monitor.check.residual if monitor.check.ground != Ground.NONE else 0.0
     monitor.size = monitor.off = off
     monitor.size_std, monitor.settled = np.nan, 0
+    _find_jump(monitor, off)
     _forget_baseline(monitor)
     monitor.back_for, monitor.settling = 0, False
     monitor.jumped_for = 0
+
+
+@inner
+def _find_jump(monitor, off):
+    """Where it jumped, if that makes most of what it is off by (m/s^2)."""
+    jump = monitor.jump
+    find_jump(jump)
+    told = monitor.kind == Kind.OFFSET and jump.found
+    if not told or jump_size(jump) * off < JUMPED * off * off:
+        forget_jump(jump)
 
 
 @inner
@@ -492,7 +523,9 @@ def _requalify(monitor, settings, disagrees):
 def _against_speed(monitor, settings):
     """Against the derivative of the host's speed."""
     jerk = jerk_of(monitor.speed)
-    off = monitor.filtered - monitor.speed.derivative - _lag(monitor, settings) * jerk
+    derivative = monitor.speed.derivative + _lag(monitor, settings) * jerk
+    off = monitor.filtered - derivative
+    follow_difference(monitor.jump, _newest(monitor) - derivative)
     if monitor.faulty:
         _still_off(monitor, settings, off)
         return
@@ -562,6 +595,7 @@ def _learn(monitor, settings, off, jerk, step, slow_limit):
         return
     if not isnan(step):
         learn_noise(monitor.step_noise, step, 0.0)
+        learn_jump_noise(monitor.jump)
     if abs(slow) < LEAST * slow_limit:
         learn_noise(monitor.slow_noise, slow, 0.0)
     moved = monitor.filtered - monitor.speed.derivative - monitor.baseline
@@ -612,8 +646,8 @@ def _follow_slope(monitor, settings, off):
     As long as it changes as a healthy signal may, the best that is known of the acceleration is
     the measurement without the jump.
     """
-    jump = monitor.kind == Kind.OFFSET and monitor.settled > SIZE_TO and not monitor.settling
-    still = jump and not is_frozen(monitor.repetition, True) and not is_rough(monitor.roughness)
+    jumped = is_measured(monitor.jump) and not monitor.settling
+    still = jumped and not is_frozen(monitor.repetition, True) and not is_rough(monitor.roughness)
     change = off - monitor.size - monitor.reference
     limit = settings.acceleration_step_limit + _allowance(monitor, settings)
     newest = _newest(monitor) - monitor.size - monitor.acceleration - monitor.reference
@@ -630,6 +664,10 @@ def _follow_slope(monitor, settings, off):
 @inner
 def _estimate_size(monitor, residual):
     """Of a jump just after it, when the slope has hardly changed; of others as they are now."""
+    if is_measured(monitor.jump):
+        monitor.size = jump_size(monitor.jump)
+        monitor.size_std = jump_deviation(monitor.jump)
+        return
     settled = monitor.settled
     if monitor.kind == Kind.RAMP or settled < SIZE_FROM:
         monitor.size = monitor.off

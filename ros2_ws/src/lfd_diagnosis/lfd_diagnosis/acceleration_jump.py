@@ -1,0 +1,136 @@
+"""When the accelerometer jumped, and by how much: the means of some samples before and after."""
+
+from math import sqrt
+
+import numpy as np
+
+from lfd_diagnosis.healthy_signal import LEARNT_NOISE, deviation, learn_noise, start_noise
+from lfd_mpc.compiled import inner
+
+WINDOWS, CLEARLY = (20, 40), 0.7
+"""Steps that may be averaged before and after a jump: the shorter, the less the slope changes
+meanwhile; the longer, the less its vibration matters. The longer ones are taken where so small a
+share of the shorter ones' variance is left."""
+
+LEAST_BEFORE = 20
+"""Steps before a jump that it takes to see one."""
+
+MEMORY = 160
+"""Steps that are looked at for a jump."""
+
+JUMP = np.dtype(
+    [
+        ("values", "f8", (MEMORY,)),
+        ("next", "i8"),
+        ("count", "i8"),
+        ("noise", LEARNT_NOISE, (len(WINDOWS),)),
+        ("before", "f8"),
+        ("total", "f8"),
+        ("steps", "i8"),
+        ("window", "i8"),
+        ("found", "?"),
+    ],
+    align=True,
+)
+"""The last differences in m/s^2 between accelerometer and speed, what `noise` the difference of two
+of their means has, and a jump that was `found`: the number of the `window`, the mean `before`, and
+`total` and `steps` since."""
+
+
+@inner
+def start_jump(jump, learn):
+    """Begin with nothing."""
+    for noise in jump.noise:
+        start_noise(noise, 0.12, 0.03, 1.0, learn, 2000)
+    restart_jump(jump)
+
+
+@inner
+def restart_jump(jump):
+    """Nothing from before counts but what was learnt."""
+    jump.next = jump.count = 0
+    forget_jump(jump)
+
+
+@inner
+def forget_jump(jump):
+    """None was found."""
+    jump.found = False
+    jump.before = jump.total = 0.0
+    jump.window = jump.steps = 0
+
+
+@inner
+def follow_difference(jump, value):
+    """Take one step's difference (m/s^2)."""
+    jump.values[jump.next] = value
+    jump.next = (jump.next + 1) % MEMORY
+    jump.count = min(jump.count + 1, MEMORY)
+    if jump.found and jump.steps < WINDOWS[jump.window]:
+        jump.total += value
+        jump.steps += 1
+
+
+@inner
+def learn_jump_noise(jump):
+    """From a healthy step: by how much the mean differs though nothing jumped."""
+    for i in range(len(WINDOWS)):
+        window = WINDOWS[i]
+        if jump.count >= 2 * window:
+            last, former = _sum(jump, 0, window), _sum(jump, window, 2 * window)
+            learn_noise(jump.noise[i], (last - former) / window, 0.0)
+
+
+@inner
+def _sum(jump, newest, oldest):
+    """Of the values from `newest` steps ago to before `oldest` steps ago."""
+    total = 0.0
+    for ago in range(newest, oldest):
+        total += jump.values[jump.next - 1 - ago]
+    return total
+
+
+@inner
+def find_jump(jump):
+    """Where the last values divide best into those before and after a jump."""
+    forget_jump(jump)
+    after, best = 0.0, 0.0
+    before = _sum(jump, 1, 1 + LEAST_BEFORE) if jump.count > LEAST_BEFORE else 0.0
+    for steps in range(1, jump.count - LEAST_BEFORE):
+        after += jump.values[jump.next - steps]
+        step = after / steps - before / LEAST_BEFORE
+        clear = abs(step) * sqrt(steps / (steps + LEAST_BEFORE))
+        if clear > best:
+            best, jump.steps = clear, steps
+        before += jump.values[jump.next - 1 - steps - LEAST_BEFORE]
+        before -= jump.values[jump.next - 1 - steps]
+    if not jump.steps:
+        return
+    jump.found = True
+    for i in range(1, len(WINDOWS)):
+        if jump.noise[i].variance < CLEARLY * jump.noise[jump.window].variance:
+            jump.window = i
+    window = WINDOWS[jump.window]
+    oldest = min(jump.steps + window, jump.count)
+    jump.before = _sum(jump, jump.steps, oldest) / (oldest - jump.steps)
+    newest = max(jump.steps - window, 0)
+    jump.total = _sum(jump, newest, jump.steps)
+    jump.steps -= newest
+
+
+@inner
+def is_measured(jump):
+    """Whether the jump is known well enough."""
+    return jump.found and jump.steps == WINDOWS[jump.window]
+
+
+@inner
+def jump_deviation(jump):
+    """How well a jump is known, in m/s^2."""
+    return deviation(jump.noise[jump.window])
+
+
+@inner
+def jump_size(jump):
+    """Of a jump that was found, in m/s^2."""
+    return jump.total / jump.steps - jump.before
