@@ -209,3 +209,26 @@ def test_traffic_with_its_stops_raises_no_fault(data: Path, name: str) -> None:
     for rows in graph.rows(recorded_sensors_drive(data, name, 1).samples):
         for outcome in graph.outcomes(rows):
             assert not [e for e in outcome.events if e.fault.state == State.FAULT]
+
+
+@pytest.mark.parametrize(
+    ("name", "seed", "start"),
+    [("normal-03", 528, 36.965), ("normal-17", 530, 36.668), ("normal-22", 530, 66.418)],
+)
+def test_an_acceleration_that_jumps_on_a_rough_road_is_told_at_once(
+    data, name, seed, start
+) -> None:
+    """A bump widens the limits, but does not last."""
+    drive = recorded_sensors_drive(data, name, seed)
+    faults = parse_faults([f"offset:acceleration=4@{start}-{start + 4}"])
+    samples = FaultInjector(faults, drive.zero, 1).apply(drive.samples)
+    graph = OfflineGraph(graph_settings("robust"))
+    found = [
+        (outcome.report.stamp - drive.zero) * 1e-9
+        for rows in graph.rows(samples)
+        for outcome in graph.outcomes(rows)
+        for event in outcome.events
+        if event.signal == "acceleration" and event.fault.state == State.FAULT
+    ]
+    assert len(found) == 1
+    assert start < found[0] < start + 0.125

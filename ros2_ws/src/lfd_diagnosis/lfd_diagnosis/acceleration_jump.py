@@ -82,6 +82,21 @@ def learn_jump_noise(jump):
 
 
 @inner
+def least_beyond(jump, steps):
+    """By how much the last differences all left those before to the same side (m/s^2), else 0."""
+    if jump.count < steps + LEAST_BEFORE:
+        return 0.0
+    reference = _sum(jump, steps, steps + LEAST_BEFORE) / LEAST_BEFORE
+    least = jump.values[jump.next - 1] - reference
+    side = 1.0 if least > 0.0 else -1.0
+    for ago in range(1, steps):
+        off = jump.values[jump.next - 1 - ago] - reference
+        if off * side < least * side:
+            least = off
+    return least if least * side > 0.0 else 0.0
+
+
+@inner
 def _sum(jump, newest, oldest):
     """Of the values from `newest` steps ago to before `oldest` steps ago."""
     total = 0.0

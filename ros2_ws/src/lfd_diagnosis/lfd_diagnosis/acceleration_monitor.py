@@ -21,6 +21,7 @@ from lfd_diagnosis.acceleration_jump import (
     jump_deviation,
     jump_size,
     learn_jump_noise,
+    least_beyond,
     restart_jump,
     start_jump,
 )
@@ -174,6 +175,10 @@ not come back at once."""
 HELD_CHANGE, HELD_STEPS = 0.2, 2.5
 """m/s^2, and steps of its resolution, by which the speed's derivative must change while the
 accelerometer repeats itself."""
+
+LASTING, LARGE = 6, 2.0
+"""Steps for which a jump must have lasted, and how many times its limit it must be, to be seen in
+the samples as they are."""
 
 SAMPLES = 2 * SHARP + SHARP_GAP
 """Steps that are looked at for a jump."""
@@ -547,6 +552,12 @@ def _against_speed(monitor, settings):
         set_check(check, Ground.HOST_SPEED, slow, gradual, kind, reference)
     else:
         set_check(check, Ground.HOST_SPEED, step, sudden, Kind.OFFSET, monitor.baseline)
+    if monitor.leapt_for and not is_exceeded(check):
+        # No bump lasts, no manoeuvre leaps: what does both is seen before the filters say so.
+        least = least_beyond(monitor.jump, LASTING)
+        limit = LARGE * learning * step_limit + allowance - BURST * monitor.burst**0.5
+        if abs(least) > limit:
+            set_check(check, Ground.HOST_SPEED, least, limit, Kind.OFFSET, monitor.baseline)
     if is_exceeded(check):
         monitor.reference = check.reference
     elif not monitor.confidence:
