@@ -15,8 +15,9 @@ share of the shorter ones' variance is left."""
 LEAST_BEFORE = 20
 """Steps before a jump that it takes to see one."""
 
-MEMORY = 160
-"""Steps that are looked at for a jump."""
+MEMORY, LEARNT_OVER = 160, 100
+"""Steps that are looked at for a jump, and samples that the noise is learnt over: some roads are worse
+than others."""
 
 JUMP = np.dtype(
     [
@@ -41,7 +42,7 @@ of their means has, and a jump that was `found`: the number of the `window`, the
 def start_jump(jump, learn):
     """Begin with nothing."""
     for noise in jump.noise:
-        start_noise(noise, 0.12, 0.03, 1.0, learn, 2000)
+        start_noise(noise, 0.12, 0.03, 1.0, learn, LEARNT_OVER)
     restart_jump(jump)
 
 
