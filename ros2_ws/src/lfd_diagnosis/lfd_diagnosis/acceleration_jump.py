@@ -16,8 +16,8 @@ LEAST_BEFORE = 20
 """Steps before a jump that it takes to see one."""
 
 MEMORY, LEARNT_OVER = 160, 100
-"""Steps that are looked at for a jump, and samples that the noise is learnt over: some roads are worse
-than others."""
+"""Steps that are looked at for a jump, and samples that the noise is learnt over: some roads are
+worse than others."""
 
 JUMP = np.dtype(
     [
