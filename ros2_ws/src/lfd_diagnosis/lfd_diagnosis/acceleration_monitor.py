@@ -280,7 +280,6 @@ def restart_acceleration(monitor):
     monitor.slope = monitor.slope_known = 0.0
     _forgive(monitor)
     restart_speed(monitor.speed)
-    restart_jump(monitor.jump)
     restart_roughness(monitor.roughness)
     restart_repetition(monitor.repetition)
     monitor.last_at = -np.inf
@@ -312,6 +311,8 @@ def _forgive(monitor):
     monitor.size = monitor.size_std = monitor.off = np.nan
     monitor.settled = 0
     _forget_baseline(monitor)
+    # The way back is no noise.
+    restart_jump(monitor.jump)
     monitor.back_for, monitor.settling = 0, False
 
 
