@@ -9,7 +9,7 @@ from test_observer import N, make_horizon
 from lfd_diagnosis.confidence import confidences
 from lfd_diagnosis.diagnosis import PaperDiagnosis
 from lfd_diagnosis.fault_index import PredictionLimits
-from lfd_diagnosis.pairing import PATIENCE, Pairing
+from lfd_diagnosis.pairing import OVERTAKEN, PATIENCE, Pairing
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.silence import CLOCK_LOST, LIMIT, SilenceWatch
 from lfd_diagnosis.verdict import State
@@ -167,6 +167,25 @@ def test_pairs_come_in_order_whichever_half_arrives_first() -> None:
     assert pairing.add_horizon(horizons[2], 1.0) == []
     assert pairing.complete(1.0 + PATIENCE) == []
     assert pairing.complete(1.01 + PATIENCE) == [(horizons[2], None)]
+
+
+def test_a_horizon_waits_little_for_an_answer_that_was_overtaken() -> None:
+    """The bank's answer to a starting diagnosis' first horizon may have been sent too early."""
+    pairing, bank = Pairing(), ObserverBank(BankSettings())
+    horizons = [make_horizon(step) for step in range(1, 5)]
+    banks = [bank.step(horizon) for horizon in horizons]
+    assert pairing.add_horizon(horizons[0], 0.0) == []
+    assert pairing.add_horizon(horizons[1], 0.01) == []
+    assert pairing.complete(2.0 * OVERTAKEN) == []
+    assert pairing.add_bank(banks[1], 2.0 * OVERTAKEN) == [
+        (horizons[0], None),
+        (horizons[1], banks[1]),
+    ]
+    assert pairing.add_horizon(horizons[2], 0.2) == []
+    assert pairing.add_bank(banks[3], 0.2) == []
+    assert pairing.add_horizon(horizons[3], 0.2) == []
+    in_order = [(horizons[2], banks[2]), (horizons[3], banks[3])]
+    assert pairing.add_bank(banks[2], 0.2 + OVERTAKEN) == in_order
 
 
 def test_a_pause_of_simulated_time_is_no_silence_but_a_dead_clock_is() -> None:

@@ -7,6 +7,10 @@ PATIENCE = 0.5
 """Seconds of wall time that a horizon waits for its bank before it is judged without it. Those
 after it do not wait, until the bank answers again."""
 
+OVERTAKEN = 0.05
+"""Seconds of wall time that it waits where a later one has been answered: one topic keeps its
+order, so its answer is lost, or was sent before the diagnosis could hear it."""
+
 BACKLOG = 2000
 """Answers of the bank that are kept for horizons still under way."""
 
@@ -37,11 +41,16 @@ class Pairing:
     def complete(self, wall: float) -> list[Pair]:
         """What is complete, or has waited too long."""
         pairs: list[Pair] = []
-        for key, (horizon, since) in list(self._horizons.items()):
+        waiting = list(self._horizons.items())
+        answered = max((n for n, (key, _) in enumerate(waiting) if key in self._banks), default=-1)
+        for number, (key, (horizon, since)) in enumerate(waiting):
             if key not in self._banks:
-                if self._bank_answers and wall - since <= PATIENCE:
+                if number < answered:
+                    waits = wall - since <= OVERTAKEN
+                else:
+                    waits = self._bank_answers = self._bank_answers and wall - since <= PATIENCE
+                if waits:
                     break
-                self._bank_answers = False
             del self._horizons[key]
             pairs.append((horizon, self._banks.pop(key, None)))
         return pairs
