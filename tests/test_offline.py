@@ -58,16 +58,16 @@ def test_every_step_of_the_loop_says_what_the_nodes_cores_say(profile: str, solv
 
 COMPILED = """
 import sys
-from numba.core.dispatcher import Dispatcher
 import lfd_diagnosis.decision_node, lfd_diagnosis.diagnosis_node, lfd_observer.observer_node
 from lfd_bringup.compile_all import compile_all
+from lfd_mpc.compiled import Compiled
 import lfd_bringup.simulate
 
 compile_all()
 for name, module in sorted(sys.modules.items()):
     for function in vars(module).values() if name.startswith("lfd_") else ():
-        if isinstance(function, Dispatcher) and function._cache.cache_path is not None:
-            print(function.__name__, len(function.signatures))
+        if isinstance(function, Compiled) and function.kept:
+            print(function.__name__, len(function.dispatcher.signatures))
 """
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from lfd_diagnosis.confidence import confidences
 from lfd_diagnosis.diagnosis import make_diagnosis
 from lfd_diagnosis.fault_index import PredictionLimits
-from lfd_mpc.compiled import CACHE_FOLDER
+from lfd_mpc.compiled import cache_folder
 from lfd_mpc.driving import DrivingMpc
 from lfd_mpc.horizon import first_horizon
 from lfd_mpc.sampling import Sample, Sampler
@@ -25,8 +25,8 @@ from lfd_replay.profiles import PROFILES, graph_settings
 from lfd_vehicle.settings import VehicleSettings
 from lfd_vehicle.vehicle import Vehicle
 
-COMPLETE = CACHE_FOLDER / "complete"
-"""Is there once everything has been compiled."""
+COMPLETE = "complete"
+"""File that is there once everything has been compiled."""
 
 SAMPLES = 400
 """Samples of a drive that call every compiled function."""
@@ -45,11 +45,12 @@ def compile_all() -> None:
     _control(samples)
     _drawings()
     Vehicle(VehicleSettings(), 0.0, 20.0).step(0.0)
-    if CACHE_FOLDER.is_dir():
-        for other in CACHE_FOLDER.parent.glob("compiled-*"):
-            if other != CACHE_FOLDER:
+    folder = cache_folder()
+    if folder.is_dir():
+        for other in folder.parent.glob("compiled-*"):
+            if other != folder:
                 shutil.rmtree(other, ignore_errors=True)
-        COMPLETE.touch()
+        (folder / COMPLETE).touch()
 
 
 def _control(samples: list[Sample]) -> None:
@@ -79,12 +80,12 @@ def _drawings() -> None:
 
 def main() -> int:
     """Entry point of `lfd_bringup compile_all`."""
-    if COMPLETE.is_file():
+    if (cache_folder() / COMPLETE).is_file():
         return 0
     print("compile: the algorithm, once after a change (a minute)", flush=True)
     started = time.perf_counter()
     compile_all()
-    print(f"compile: done in {time.perf_counter() - started:.0f} s, kept in {CACHE_FOLDER}")
+    print(f"compile: done in {time.perf_counter() - started:.0f} s, kept in {cache_folder()}")
     return 0
 
 

@@ -9,47 +9,43 @@ What was compiled is kept on disk until a source file of the algorithm changes. 
 the folder; without it, it is in the package, or in the user's cache where that cannot be written.
 """
 
-import gc
 import hashlib
 import os
 import sys
 from collections import namedtuple
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import partial
+from collections.abc import Callable
+from functools import cache, cached_property, partial, update_wrapper
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, TypeVar
+from types import ModuleType
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lfd_mpc.collector import without_collector
 
-@contextmanager
-def _loading(*unused: str) -> Iterator[None]:
-    """Load much that stays: no search for garbage in it, and `unused` modules are not to be had.
+HIDDEN = ("coverage", "scipy.linalg.cython_blas")
+"""Serve numba for coverage of compiled code and for matrix products: neither is used."""
 
-    Half of what loading numba takes is spent on these two.
+
+@cache
+def _numba() -> ModuleType:
+    """What compiles, loaded when it is needed first: half of what a node loads is this.
+
+    Without `HIDDEN` and the search for garbage that takes half as long.
     """
-    hidden = [name for name in unused if name not in sys.modules]
+    hidden = [name for name in HIDDEN if name not in sys.modules]
     sys.modules.update(dict.fromkeys(hidden))  # type: ignore[arg-type]
-    collecting = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        for name in hidden:
-            del sys.modules[name]
-        gc.freeze()
-        if collecting:
-            gc.enable()
+    with without_collector(stays=True):
+        try:
+            import numba
+            import numba.np.arraymath
+        finally:
+            for name in hidden:
+                del sys.modules[name]
+    return numba
 
-
-# What is hidden serves coverage of compiled code and numba's matrix products: neither is used.
-with _loading("coverage", "scipy.linalg.cython_blas"):
-    import numba
-    import numba.np.arraymath
-    from numba.core import config
 
 PACKAGES = ("lfd_mpc", "lfd_observer", "lfd_diagnosis", "lfd_replay", "lfd_vehicle")
 """Packages whose functions call each other; a change in one of them counts for all."""
@@ -57,6 +53,7 @@ PACKAGES = ("lfd_mpc", "lfd_observer", "lfd_diagnosis", "lfd_replay", "lfd_vehic
 NOT_COMPILED = (
     "_node.py",
     "silence.py",
+    "collector.py",
     "__init__.py",
     "health.py",
     "messages.py",
@@ -76,7 +73,7 @@ Function = TypeVar("Function", bound=Callable)
 
 def _sources_digest() -> str:
     """Stands for the sources of all packages, and for what compiles them."""
-    digest = hashlib.sha256(f"{numba.__version__} {np.__version__}".encode())
+    digest = hashlib.sha256(f"{_numba().__version__} {np.__version__}".encode())
     for package in PACKAGES:
         spec = find_spec(package)
         for folder in spec.submodule_search_locations or () if spec else ():
@@ -98,7 +95,8 @@ def _writable(folder: Path) -> bool:
     return os.access(folder, os.W_OK)
 
 
-def _cache_folder() -> Path:
+@cache
+def cache_folder() -> Path:
     """Where compiled functions are kept, by source."""
     chosen = os.environ.get("LFD_CACHE")
     own = Path(__file__).resolve().parent / "__pycache__"
@@ -107,21 +105,47 @@ def _cache_folder() -> Path:
     return base / f"compiled-{_sources_digest()}"
 
 
-CACHE_FOLDER = _cache_folder()
+class Compiled:
+    """A function that is compiled, or fetched from disk, when it is called first.
+
+    A node imports its algorithm at once and listens; what comes while this is loaded waits.
+    """
+
+    def __init__(self, function: Callable, *, kept: bool) -> None:
+        """`kept`: the result is kept on disk, with all functions that it calls."""
+        update_wrapper(self, function)
+        self.kept = kept
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """What numba makes of it, compiled for the types that it has been called with."""
+        numba = _numba()
+        if not self.kept:
+            return numba.njit(error_model="numpy")(self.__wrapped__)
+        config, folder = numba.core.config, cache_folder()
+        before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
+        try:
+            return numba.njit(error_model="numpy", cache=_writable(folder))(self.__wrapped__)
+        finally:
+            config.CACHE_DIR = before
+
+    @property
+    def _numba_type_(self) -> Any:
+        """As what other compiled functions call it."""
+        return _numba().typeof(self.dispatcher)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.dispatcher(*arguments)
 
 
 def inner(function: Function) -> Function:
     """Compile a function that only compiled functions call."""
-    return numba.njit(error_model="numpy")(function)
+    return cast(Function, Compiled(function, kept=False))
 
 
 def entry(function: Function) -> Function:
     """Compile a function that is called from outside, and keep the result on disk."""
-    before, config.CACHE_DIR = config.CACHE_DIR, str(CACHE_FOLDER)
-    try:
-        return numba.njit(error_model="numpy", cache=_writable(CACHE_FOLDER))(function)
-    finally:
-        config.CACHE_DIR = before
+    return cast(Function, Compiled(function, kept=True))
 
 
 def make_state(kind: np.dtype) -> NDArray[np.void]:

@@ -16,6 +16,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from lfd_mpc.collector import without_collector
 from lfd_mpc.errors import UserError
 
 
@@ -86,7 +87,8 @@ def run_node(load: Callable[[], Callable[[], Node]], args: list[str] | None = No
         return 0
     try:
         with joined(args):
-            node = load()()
+            with without_collector(stays=True):
+                node = load()()
             try:
                 executor = make_executor()
                 executor.add_node(node)

@@ -11,6 +11,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
+from lfd_mpc.collector import without_collector
 from lfd_mpc.errors import UserError
 from lfd_mpc.sampling import Sample
 from lfd_replay.command_line import add_drive_options, print_table, result_table, warn
@@ -24,7 +25,6 @@ from lfd_replay.read_drive import (
     ReadOptions,
     read_drive,
     read_options,
-    without_collector,
 )
 from lfd_replay.recorded_step import RecordedStep
 from lfd_replay.score import (

@@ -1,15 +1,14 @@
 """Any drive by its path: CSV file, bag, CAN log or a folder of a public data set."""
 
 import argparse
-import gc
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
 
 import numpy as np
 
+from lfd_mpc.collector import without_collector
 from lfd_mpc.errors import UserError
 from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, Sample, ScalarSample
 from lfd_replay.drive import Drive, make_drive
@@ -164,19 +163,6 @@ def without_offset(path: Path, streams: dict[str, list[Sample]]) -> dict[str, li
     offset = float(np.median([s.value for s, still in zip(felt, standing, strict=True) if still]))
     changed: list[Sample] = [replace(s, value=s.value - offset) for s in felt]
     return {**streams, ACCELERATION: changed}
-
-
-@contextmanager
-def without_collector() -> Iterator[None]:
-    """Hundreds of thousands of samples, none of them part of a cycle: looking for cycles among
-    them takes longer than reading them."""
-    collecting = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collecting:
-            gc.enable()
 
 
 def read_drive(path: Path, options: ReadOptions | None = None) -> Drive:
