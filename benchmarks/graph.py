@@ -13,13 +13,26 @@ from offline import read_with_rosbags
 
 from lfd_replay.drive_bag import write_drive
 
-BARE = (
-    "import rclpy; rclpy.init(); node = rclpy.create_node('bare'); "
+START = (
+    "import rclpy; from {module} import {maker}; rclpy.init(); node = {maker}({arguments}); "
     "rclpy.spin_once(node, timeout_sec=0.0); rclpy.shutdown()"
 )
+"""A node that has loaded all it needs."""
+
+BARE = START.format(module="rclpy", maker="create_node", arguments="'bare'")
 """What any node has to do before it can do anything."""
 
-NODES = ("lfd_mpc.mpc_node", "lfd_observer.observer_node", "lfd_diagnosis.diagnosis_node")
+NODES = {
+    f"{package}.{name}_node": START.format(
+        module=f"{package}.{name}_node", maker=f"{name.capitalize()}Node", arguments=""
+    )
+    for package, name in (
+        ("lfd_mpc", "mpc"),
+        ("lfd_observer", "observer"),
+        ("lfd_diagnosis", "diagnosis"),
+    )
+}
+"""The programs that start the nodes."""
 
 
 def _domain(offset: int) -> dict[str, str]:
@@ -92,15 +105,18 @@ def starting(folder: Path, root: Path) -> list[Figure]:
         process.wait()
 
     calls = {"bare": lambda: _quiet([sys.executable, "-c", BARE], 60), "replay": replay}
-    for module in NODES:
-        calls[module] = lambda m=module: _quiet([sys.executable, "-c", f"import {m}; {BARE}"], 61)
+    for name, program in NODES.items():
+        calls[name] = lambda p=program: _quiet([sys.executable, "-c", p], 61)
     spent = {name: middle(rounds) for name, rounds in in_turn(calls, 5).items()}
     peer, bare = "bare node", spent["bare"]
     goal = "at most 1 s more", lambda value, _: value - bare <= 1.0
     first = against("replay to first change of state", middle(reported), "s", peer, bare, *goal)
     return [
         first,
-        *(against(f"start with {name}", spent[name], "s", peer, bare, *goal) for name in NODES),
+        *(
+            against(f"start of {name}, loaded", spent[name], "s", peer, bare, *goal)
+            for name in NODES
+        ),
     ]
 
 
