@@ -5,7 +5,7 @@ from math import isfinite, isnan
 from typing import Any
 
 from lfd_diagnosis.evidence import Ground
-from lfd_diagnosis.radar_monitor import READY_SCANS
+from lfd_diagnosis.radar_state import READY_SCANS
 from lfd_diagnosis.robust_diagnosis import VALID_CLEARANCE_STD, VALID_VELOCITY_STD
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import VERDICTS, Kind, State

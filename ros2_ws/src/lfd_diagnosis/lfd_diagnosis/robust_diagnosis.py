@@ -23,18 +23,17 @@ from lfd_diagnosis.lead_report import (
     lead_limit,
     restart_lead,
 )
-from lfd_diagnosis.radar_monitor import (
+from lfd_diagnosis.radar_monitor import coast_radar, follow_radar
+from lfd_diagnosis.radar_signal import deviation_about, index_of, size_of
+from lfd_diagnosis.radar_state import (
     RADAR,
     READY_SCANS,
-    coast_radar,
-    follow_radar,
     is_radar_faulty,
     is_ready,
     radar_deviations,
     restart_radar,
     start_radar,
 )
-from lfd_diagnosis.radar_signal import deviation_about, index_of, size_of
 from lfd_diagnosis.report_book import BOOK, enter_outcome
 from lfd_diagnosis.verdict import Kind, State, outcome_kind
 from lfd_mpc.compiled import entry, inner

@@ -1,0 +1,117 @@
+"""Radar signals that repeat themselves, and whether they had reason to change (robust profile)."""
+
+from math import exp, sqrt
+
+from lfd_diagnosis.healthy_signal import deviation, is_frozen, resolution_of
+from lfd_diagnosis.lead_track import predict_track
+from lfd_diagnosis.radar_signal import is_bad, is_held
+from lfd_diagnosis.radar_state import SLOW, WANDERING, is_either_held, wander_of
+from lfd_mpc.compiled import inner
+
+HELD_PATH, HELD_SIGMA, HELD_STEPS = 0.45, 4.0, 3.0
+"""What must have been travelled while the clearance repeats itself: m, deviations of its noise, and
+steps of its resolution."""
+
+HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 0.4, 3.0
+"""What tells that a relative velocity which repeats itself should have changed: m/s, and steps of
+its resolution, by host and lead, and m/s^2 of doubt about the lead after a second; or deviations of
+the clearance's noise by which that leaves the path, filtered by a share."""
+
+UNKNOWN_LEAD = 1.5
+"""m/s^2 that a lead may accelerate by when it comes into view."""
+
+TAKEN_BACK = 2.0
+"""Seconds of a held relative velocity that the track can be taken back by."""
+
+
+@inner
+def follow_held_velocity(radar, same):
+    """What a relative velocity that repeats itself leaves unsaid: by what was expected of it, host
+    and lead going on as they did, and by the clearance."""
+    clearance, velocity = radar.measured_clearance, radar.measured_velocity
+    if not (same and radar.has_track):
+        begin_to_hold(radar)
+        return
+    period = velocity.at - radar.velocity.last_at
+    radar.changed_while_held += (radar.lead_when_held - radar.host) * period
+    radar.most_changed = max(radar.most_changed, abs(radar.changed_while_held))
+    radar.clearance_when_held += velocity.value * period
+    if clearance.new:
+        off = clearance.value - radar.clearance_when_held
+        radar.off_while_held += HELD_SHARE * (off - radar.off_while_held)
+
+
+@inner
+def begin_to_hold(radar):
+    """A relative velocity may repeat itself from now on."""
+    velocity, track = radar.measured_velocity, radar.track
+    radar.lead_when_held = radar.slow_acceleration
+    radar.slower_lead_when_held = radar.slower_acceleration
+    radar.track_when_held = track
+    radar.time_while_held = radar.host_gain_while_held = radar.host_path_while_held = 0.0
+    # What is held was measured; a zero was not, and may be off from its first sample on.
+    expected = track.velocity - velocity.age * (track.acceleration - radar.host)
+    radar.changed_while_held = expected if velocity.value == 0.0 else 0.0
+    radar.most_changed = abs(radar.changed_while_held)
+    radar.held_since = velocity.at
+    radar.clearance_when_held = track.clearance - velocity.age * track.velocity
+    radar.off_while_held = 0.0
+
+
+@inner
+def take_back_held(radar, settings, age):
+    """What the track was taught by a relative velocity that only repeated itself: it goes on from
+    what it was before."""
+    if radar.time_while_held > TAKEN_BACK:
+        return
+    track, clearance = radar.track, radar.clearance
+    mean = settings.lead_acceleration_mean
+    radar.track = radar.track_when_held
+    radar.slow_acceleration = radar.lead_when_held
+    radar.slower_acceleration = radar.slower_lead_when_held
+    predict_track(track, radar.time_while_held, 0.0, 1.0, mean, settings.jerk_density)
+    track.velocity -= radar.host_gain_while_held
+    track.clearance -= radar.host_path_while_held
+    if radar.measured_clearance.new and not clearance.faulty:
+        clearance.residual = radar.measured_clearance.value - track.clearance + age * track.velocity
+
+
+@inner
+def is_stuck(radar, settings, signal, of_clearance):
+    """A value repeated for too long, or while the relative velocity says that it changed."""
+    changed = should_have_changed(radar, settings, signal, of_clearance)
+    if of_clearance and not _repeats_itself(radar):
+        return changed and is_held(signal)
+    return radar.host_moves and is_frozen(signal.repetition, changed)
+
+
+@inner
+def _repeats_itself(radar):
+    """Whether the radar says the same again and again: one signal does, the other since then."""
+    own, other = radar.clearance.repetition, radar.velocity.repetition
+    together = -own.longest <= other.run - own.run <= other.longest
+    return is_either_held(radar) and together
+
+
+@inner
+def should_have_changed(radar, settings, signal, of_clearance):
+    """Whether a value that repeats itself had reason to change."""
+    clearance = radar.clearance
+    if _repeats_itself(radar):
+        return True
+    if of_clearance:
+        return abs(radar.travelled_while_held) > max(
+            HELD_PATH,
+            HELD_SIGMA * deviation(clearance.noise),
+            HELD_STEPS * clearance.roughness.resolution,
+        )
+    step, held_for = resolution_of(signal.roughness), signal.last_at - radar.held_since
+    known_for = max(radar.held_since - radar.begun_at, 0.0)
+    change = max(HELD_CHANGE, CHANGE_STEPS * step) + LEAD_DOUBT * max(held_for - 1.0, 0.0)
+    change += UNKNOWN_LEAD * exp(-known_for / SLOW) * held_for
+    beside = sqrt(clearance.noise.variance + WANDERING * wander_of(radar, settings))
+    off = HELD_OFF * beside + 0.5 * step * held_for
+    off += 0.5 * resolution_of(clearance.roughness)
+    # A clearance that is off itself tells nothing.
+    tells = not clearance.faulty and not is_bad(clearance)
+    return radar.most_changed > change or (tells and abs(radar.off_while_held) > off)

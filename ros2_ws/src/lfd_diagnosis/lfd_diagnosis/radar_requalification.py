@@ -1,0 +1,158 @@
+"""When a radar's faulty signals are believed again (robust profile)."""
+
+from math import isfinite, sqrt
+
+import numpy as np
+
+from lfd_diagnosis.healthy_signal import deviation, resolution_of
+from lfd_diagnosis.lead_track import set_clearance, set_velocity
+from lfd_diagnosis.radar_signal import (
+    agrees_long_enough,
+    deviation_about,
+    follow_agreement,
+    forgive,
+    has_stopped,
+    may_have_shifted,
+    restart_agreement,
+    returned_to,
+    shows_itself,
+    size_to_tell,
+    still_shows,
+)
+from lfd_diagnosis.radar_state import is_radar_faulty, wander_of
+from lfd_diagnosis.radar_target import begin_target
+from lfd_diagnosis.travelled_path import (
+    clear_path,
+    follow_path,
+    path_drift,
+    path_length,
+    path_limit,
+)
+from lfd_diagnosis.verdict import Kind
+from lfd_mpc.compiled import inner
+
+PATH_SIGMA = 3.0
+"""Deviations of the clearance's noise that a path may be off."""
+
+
+@inner
+def requalify(radar, settings, signal, measured, of_clearance, repeated):
+    """Whether a faulty signal is to be believed again."""
+    track = radar.track
+    period = measured.at - signal.last_at
+    step = measured.value - signal.last
+    if of_clearance:
+        step -= track.velocity * period
+    if not radar.lost:
+        level = returned_to(signal, repeated)
+        if isfinite(level):
+            _rebase(track, signal, measured.value - signal.residual + level, of_clearance)
+        elif has_stopped(signal, measured.at, settings.requalify_time):
+            _rebase(track, signal, measured.value, of_clearance)
+            forgive(signal)
+            return
+    spread = deviation_about(signal, track.cc if of_clearance else track.vv)
+    agreeing = follow_agreement(signal, period, step, spread, settings.gate_sigma)
+    latch = settings.latch
+    if not of_clearance:
+        _follow_agreed_path(radar, period)
+        off_path, on_path = _hold_against_path(radar, settings)
+        latch = latch and not on_path
+        if off_path:
+            restart_agreement(signal)
+            agreeing = False
+    shifted = of_clearance and may_have_shifted(signal, settings.largest_shift)
+    signal.doubted = agreeing and shifted
+    needed = settings.requalify_time if shifted else settings.clear_time
+    agrees = agreeing and agrees_long_enough(signal, needed, latch)
+    carried = of_clearance and radar.carried and not radar.velocity.faulty
+    if carried and measured.at - radar.carried_since >= settings.requalify_time and not agrees:
+        # Nothing else would tell that it ended in between.
+        _rebase(track, signal, measured.value, of_clearance)
+        agrees = True
+    if radar.lost:
+        # A new target: its own agreement with itself must do, but for longer.
+        if not agreeing:
+            radar.lost_since = measured.at
+        agrees = measured.at - radar.lost_since >= settings.requalify_time
+    if agrees:
+        forgive(signal)
+        if not is_radar_faulty(radar):
+            # What was followed while it was faulty tells nothing about it now.
+            clear_path(radar.path)
+            radar.lost = radar.carried = False
+        elif radar.carried and not of_clearance:
+            # One of two faults that went on with another target did not: did the other?
+            radar.lost, radar.lost_since = True, measured.at
+            radar.carried = False
+            begin_target(radar, settings, radar.id)
+
+
+@inner
+def _follow_agreed_path(radar, period):
+    """The path that a faulty relative velocity makes since it began to agree."""
+    signal, measured = radar.velocity, radar.measured_velocity
+    if signal.agreeing <= period:
+        clearance = radar.measured_clearance
+        radar.agreed_clearance = clearance.value if clearance.new else np.nan
+        radar.agreed_path = 0.0
+    else:
+        radar.agreed_path += 0.5 * (signal.last + measured.value) * period
+
+
+@inner
+def _hold_against_path(radar, settings):
+    """Whether the clearance says that a relative velocity which agrees with a track that was
+    coasted for long is still off, or that it is not: half of what it was off would have led as far
+    astray, and further than the clearance wanders."""
+    signal, clearance = radar.velocity, radar.clearance
+    if signal.kind != Kind.OFFSET or (clearance.faulty and clearance.kind != Kind.OFFSET):
+        return False, False
+    off = radar.measured_clearance.value - radar.agreed_clearance - radar.agreed_path
+    astray = 0.5 * size_to_tell(signal) * signal.agreeing
+    doubt = PATH_SIGMA * deviation(clearance.noise) + resolution_of(clearance.roughness)
+    wandered = PATH_SIGMA * sqrt(wander_of(radar, settings))
+    return abs(off) > astray + doubt, abs(off) < 0.5 * astray and astray > 2.0 * (doubt + wandered)
+
+
+@inner
+def _rebase(track, signal, measured, of_clearance):
+    """The jump that made a fault was undone: the signal is the reference again."""
+    if of_clearance:
+        set_clearance(track, measured, signal.noise.variance)
+    else:
+        set_velocity(track, measured, signal.noise.variance)
+    signal.residual = 0.0
+
+
+@inner
+def look_for_agreement(radar, settings):
+    """Whether faulty signals agree with each other since: a relative velocity that makes the path
+    which the clearance goes is right, whatever the track was coasted to.
+
+    Signals that repeated themselves or were rough are over with it. Others may have been another
+    car, of a radar that gives no ids, or a fault that began with the target and ended: they must
+    agree with a track of their own for longer.
+    """
+    clearance, velocity, path = radar.clearance, radar.velocity, radar.path
+    over = shows_itself(clearance) and (shows_itself(velocity) or not velocity.faulty)
+    if radar.lost or not (velocity.faulty or over):
+        return
+    if still_shows(clearance) or still_shows(velocity):
+        clear_path(path)
+        return
+    at = radar.measured_clearance.at
+    follow_path(
+        path, settings, at, radar.measured_clearance.value, radar.measured_velocity.value, 0.0
+    )
+    limit = path_limit(path, settings, 1.0, resolution_of(clearance.roughness))
+    if path_length(path) < settings.drift_window:
+        return
+    if abs(path_drift(path, settings, limit)) >= 0.5 * limit:
+        return
+    if over:
+        forgive(clearance)
+        forgive(velocity)
+    else:
+        radar.lost, radar.lost_since = True, at
+    begin_target(radar, settings, radar.id)

@@ -1,0 +1,219 @@
+"""What is known of a radar: its two signals, its target, and the limits around its track."""
+
+from math import exp
+
+import numpy as np
+
+from lfd_diagnosis.healthy_signal import restart_roughness
+from lfd_diagnosis.lead_track import LEAD_TRACK
+from lfd_diagnosis.new_target import LEAP, forget_leap
+from lfd_diagnosis.radar_signal import (
+    RADAR_SIGNAL,
+    deviation_about,
+    forgive,
+    least_limit,
+    repeats,
+    restart_signal,
+    start_signal,
+)
+from lfd_diagnosis.travelled_path import DRIFT, TRAVELLED_PATH, clear_path, start_path, wander
+from lfd_mpc.compiled import inner
+from lfd_mpc.sampling import UNKNOWN_TRACK
+
+READY_SCANS, SETTLING = 3, 0.5
+"""Scans of one target after which it is judged, and seconds in which one whose first scans
+contradict each other is begun anew."""
+
+LEARNING, FEW_SCANS, SEEN = 40.0, 10, 3.0
+"""Scans over which limits come down from thrice to once their width while noise is learnt; sooner,
+after some scans, to so many times the largest residual that was seen."""
+
+SLOW, SLOW_STD = 0.5, 0.2
+"""Seconds over which the lead's acceleration is averaged before it is relied on for long, and how
+well it is known then, in m/s^2."""
+
+FIRST_PERIOD, PERIOD_SHARE, MISSED = 0.05, 0.1, 2.5
+"""Seconds between two scans before any was seen, share of a new one in their average, and how many
+of them are a gap after which the same id may be another target's."""
+
+VELOCITY_BIAS = 0.02
+"""m/s by which the relative velocity may be off for good; a coasted clearance drifts with it."""
+
+WANDERING, WANDER_TIME = 4.0, 2.0
+"""Scans for which a clearance stays where it wandered to: so much less it tells of a velocity; s in
+which it wanders so far: the track follows it."""
+
+REMEMBERED = 32
+"""Targets that are remembered at once."""
+
+MEASURED = np.dtype([("new", "?"), ("at", "f8"), ("value", "f8"), ("age", "f8")], align=True)
+"""One signal at a step: whether it is new, its time in s, its value and its age in s."""
+
+_SLOT = np.dtype([("id", "i8"), ("at", "f8"), ("track", LEAD_TRACK)], align=True)
+
+RADAR = np.dtype(
+    [
+        ("clearance", RADAR_SIGNAL),
+        ("velocity", RADAR_SIGNAL),
+        ("measured_clearance", MEASURED),
+        ("measured_velocity", MEASURED),
+        ("path", TRAVELLED_PATH),
+        ("drift", DRIFT),
+        ("track", LEAD_TRACK),
+        ("has_track", "?"),
+        ("scans", "i8"),
+        ("begun_at", "f8"),
+        ("period", "f8"),
+        ("id", "i8"),
+        ("remembered", _SLOT, (REMEMBERED,)),
+        ("remembered_count", "i8"),
+        ("slow_acceleration", "f8"),
+        ("slower_acceleration", "f8"),
+        ("host", "f8"),
+        ("host_moves", "?"),
+        ("host_speed", "f8"),
+        ("travelled_while_held", "f8"),
+        ("lead_when_held", "f8"),
+        ("slower_lead_when_held", "f8"),
+        ("changed_while_held", "f8"),
+        ("most_changed", "f8"),
+        ("held_since", "f8"),
+        ("clearance_when_held", "f8"),
+        ("off_while_held", "f8"),
+        ("track_when_held", LEAD_TRACK),
+        ("time_while_held", "f8"),
+        ("host_gain_while_held", "f8"),
+        ("host_path_while_held", "f8"),
+        ("agreed_clearance", "f8"),
+        ("agreed_path", "f8"),
+        ("lost", "?"),
+        ("lost_since", "f8"),
+        ("carried", "?"),
+        ("carried_since", "f8"),
+        ("leap", LEAP),
+    ],
+    align=True,
+)
+"""State of one radar's two signals and of its target; `lost_since` (s) counts while `lost`,
+`carried_since` while an offset is taken to go on with another target (`carried`).
+
+`agreed_clearance` (m) is what was measured when a faulty relative velocity began to agree again,
+`agreed_path` (m) the path that it makes since.
+"""
+
+
+@inner
+def start_radar(radar, settings):
+    """Begin with nothing."""
+    learn = settings.learn_noise
+    start_signal(radar.clearance, settings.clearance_floor, settings.clearance_std, 0.03, learn)
+    start_signal(
+        radar.velocity,
+        settings.relative_velocity_floor,
+        settings.relative_velocity_std,
+        0.015,
+        learn,
+    )
+    start_path(radar.path, learn)
+    radar.host_moves, radar.host_speed, radar.period = True, np.nan, FIRST_PERIOD
+    radar.lost = radar.carried = False
+    start_target(radar, settings)
+
+
+@inner
+def start_target(radar, settings):
+    """Nothing is seen; what was learnt of the signals stays."""
+    radar.has_track = False
+    radar.scans = 0
+    radar.id = UNKNOWN_TRACK
+    radar.remembered_count = 0
+    radar.slow_acceleration = radar.slower_acceleration = settings.lead_acceleration_mean
+    radar.host = radar.travelled_while_held = 0.0
+    radar.lead_when_held = radar.changed_while_held = radar.most_changed = 0.0
+    radar.clearance_when_held = radar.off_while_held = 0.0
+    clear_path(radar.path)
+    forget_leap(radar.leap)
+    restart_signal(radar.clearance)
+    restart_signal(radar.velocity)
+
+
+@inner
+def restart_radar(radar, settings):
+    """Nothing from before counts, faults neither; what was learnt of the noise stays."""
+    start_target(radar, settings)
+    radar.lost = radar.carried = False
+    forgive(radar.clearance)
+    forgive(radar.velocity)
+
+
+@inner
+def is_ready(radar):
+    """Whether the target is known long enough to be judged."""
+    return radar.has_track and radar.scans >= READY_SCANS
+
+
+@inner
+def is_radar_faulty(radar):
+    """Whether either signal is."""
+    return radar.clearance.faulty or radar.velocity.faulty
+
+
+@inner
+def is_either_held(radar):
+    """Whether the fault of either signal is that it repeats itself."""
+    return repeats(radar.clearance) or repeats(radar.velocity)
+
+
+@inner
+def radar_deviations(radar):
+    """Standard deviations of healthy measurements about the track, in m and m/s."""
+    if not radar.has_track:
+        return np.inf, np.inf
+    return (
+        deviation_about(radar.clearance, radar.track.cc),
+        deviation_about(radar.velocity, radar.track.vv),
+    )
+
+
+@inner
+def cut_path(radar):
+    """The clearance may have stepped for a good reason."""
+    clear_path(radar.path)
+    restart_roughness(radar.clearance.roughness)
+    restart_roughness(radar.velocity.roughness)
+
+
+@inner
+def clearance_now(radar):
+    """The clearance (m) that the scan says for this step."""
+    clearance = radar.measured_clearance
+    return clearance.value + radar.measured_velocity.value * clearance.age
+
+
+@inner
+def widening(radar):
+    """How much wider limits are while the noise is being learnt."""
+    scans = radar.clearance.noise.count
+    wide = 1.0 + 2.0 * exp(-scans / LEARNING)
+    if scans < FEW_SCANS:
+        return wide
+    return min(wide, max(1.0, SEEN * max(radar.clearance.roughest, radar.velocity.roughest)))
+
+
+@inner
+def limits_about(radar, settings):
+    """Limits of clearance (m) and relative velocity (m/s) around the track."""
+    wide, sigma = widening(radar), settings.gate_sigma
+    clearance = deviation_about(radar.clearance, radar.track.cc)
+    velocity = deviation_about(radar.velocity, radar.track.vv)
+    return (
+        wide * max(least_limit(radar.clearance), sigma * clearance),
+        wide * max(least_limit(radar.velocity), sigma * velocity),
+    )
+
+
+@inner
+def wander_of(radar, settings):
+    """Variance in m^2 of what the clearance lies beside the path for a while."""
+    drifted = VELOCITY_BIAS * settings.drift_window
+    return wander(radar.path, radar.clearance.noise.variance, drifted)

@@ -1,0 +1,265 @@
+"""Which car the radar sees: the same, one that is known, or another (robust profile)."""
+
+import numpy as np
+
+from lfd_diagnosis.healthy_signal import (
+    deviation,
+    empty_roughness,
+    resolution_of,
+    restart_roughness,
+)
+from lfd_diagnosis.held_radar import begin_to_hold
+from lfd_diagnosis.lead_track import believe, predict_track, set_clearance, start_track
+from lfd_diagnosis.new_target import follow_leap, forget_leap, is_far, is_new_target
+from lfd_diagnosis.radar_signal import (
+    agrees_by_now,
+    deviation_about,
+    forgive,
+    is_bad,
+    is_known_offset,
+    offset_of,
+)
+from lfd_diagnosis.radar_state import (
+    MISSED,
+    PERIOD_SHARE,
+    READY_SCANS,
+    REMEMBERED,
+    SETTLING,
+    clearance_now,
+    cut_path,
+    is_radar_faulty,
+    limits_about,
+)
+from lfd_diagnosis.travelled_path import LARGEST_GAP
+from lfd_mpc.compiled import inner
+from lfd_mpc.sampling import UNKNOWN_TRACK
+
+STANDS = 0.1
+"""Share of the host's speed by which a relative velocity is off from that of what stands."""
+
+MEMORY = 0.6
+"""Seconds for which a target is remembered under its track id."""
+
+LOST_AFTER = 1.0
+"""Seconds of silence after which a target that disagrees is another one, not a fault."""
+
+
+@inner
+def change_target(radar, at):
+    """A fault is the sensor's: an offset goes on with another target. Of others nothing is left
+    that they could be told from."""
+    for signal in (radar.clearance, radar.velocity):
+        if signal.faulty and agrees_by_now(signal):
+            forgive(signal)
+    if not is_radar_faulty(radar):
+        return
+    if is_known_offset(radar.clearance) and is_known_offset(radar.velocity) and not radar.lost:
+        radar.carried, radar.carried_since = True, at
+    else:
+        radar.lost, radar.lost_since = True, at
+
+
+@inner
+def begin_target(radar, settings, track_id):
+    """A target that nothing is known of, but for an offset that goes on with it."""
+    clearance, velocity = radar.measured_clearance, radar.measured_velocity
+    mean = settings.lead_acceleration_mean
+    off_clearance = off_velocity = 0.0
+    goes_on = is_radar_faulty(radar) and not radar.lost
+    if goes_on:
+        off_clearance, off_velocity = offset_of(radar.clearance), offset_of(radar.velocity)
+    relative = velocity.value - off_velocity
+    start_track(
+        radar.track,
+        clearance.value - off_clearance + relative * clearance.age,
+        relative,
+        mean,
+        radar.clearance.noise.variance,
+        radar.velocity.noise.variance,
+    )
+    if goes_on:
+        believe(radar.track, mean, settings.lead_acceleration_std)
+        radar.clearance.coasted = 0.0
+    radar.has_track = True
+    radar.id, radar.scans = track_id, 1
+    radar.slow_acceleration = radar.slower_acceleration = mean
+    # Nothing of another target says that this one's signals are held, or rough.
+    radar.travelled_while_held = 0.0
+    begin_to_hold(radar)
+    empty_roughness(radar.clearance.roughness)
+    empty_roughness(radar.velocity.roughness)
+    cut_path(radar)
+    forget_leap(radar.leap)
+    for signal in (radar.clearance, radar.velocity):
+        signal.residual = signal.limit = np.nan
+        if not signal.faulty:
+            signal.confidence = 0
+
+
+@inner
+def _skip_step(radar):
+    """The path goes on as if the clearance had moved as its relative velocity says."""
+    clearance, velocity, path = radar.measured_clearance, radar.measured_velocity, radar.path
+    period = clearance.at - path.then
+    path.clearance = clearance.value - 0.5 * (velocity.value + path.velocity) * period
+    restart_roughness(radar.clearance.roughness)
+    restart_roughness(radar.velocity.roughness)
+
+
+@inner
+def _regain(radar, settings):
+    """After a moment without a scan: it may see another part of the car since."""
+    if is_radar_faulty(radar) or not settings.check_drift:
+        return
+    now = clearance_now(radar)
+    limits = limits_about(radar, settings)
+    moves_on = abs(radar.measured_velocity.value - radar.track.velocity) <= limits[1]
+    if moves_on and limits[0] < abs(now - radar.track.clearance) <= settings.largest_shift:
+        set_clearance(radar.track, now, radar.clearance.noise.variance)
+        cut_path(radar)
+
+
+@inner
+def _follow_period(radar, gap):
+    """Average the seconds between scans by those since the last one; many are a gap, no period."""
+    radar.period += PERIOD_SHARE * (min(gap, 2.0 * radar.period) - radar.period)
+
+
+@inner
+def _is_far_away(radar):
+    """Whether what is seen is too far from a healthy track to be its target."""
+    off = clearance_now(radar) - radar.track.clearance
+    return not is_radar_faulty(radar) and is_far(off)
+
+
+@inner
+def is_another(radar, settings, track_id):
+    """Sort out a new track id, or a silence; whether a new target was begun."""
+    at = radar.measured_clearance.at
+    gap = at - max(radar.clearance.last_at, radar.velocity.last_at)
+    has_missed = gap > MISSED * radar.period
+    _follow_period(radar, gap)
+    silent = gap > LOST_AFTER or (has_missed and _is_far_away(radar))
+    known = track_id != UNKNOWN_TRACK and radar.id != UNKNOWN_TRACK
+    changed = track_id != radar.id and known
+    if not changed and not silent:
+        if gap > LARGEST_GAP:
+            _regain(radar, settings)
+        return False
+    if settings.same_car and _knows(radar, settings, track_id, changed):
+        if is_radar_faulty(radar) and radar.path.count:
+            # What agrees since goes on, but for the step.
+            _skip_step(radar)
+        else:
+            cut_path(radar)
+        return False
+    begin_another(radar, settings, track_id)
+    return True
+
+
+@inner
+def begin_another(radar, settings, track_id):
+    """The radar sees another target from this scan on."""
+    change_target(radar, radar.measured_clearance.at)
+    begin_target(radar, settings, track_id)
+    radar.begun_at = radar.measured_clearance.at
+
+
+@inner
+def _remember(radar, at):
+    """Remember the target under its id, and forget what is too old."""
+    kept = 0
+    for i in range(radar.remembered_count):
+        slot = radar.remembered[i]
+        if at - slot.at < MEMORY and slot.id != radar.id:
+            radar.remembered[kept] = slot
+            kept += 1
+    if kept == REMEMBERED:
+        for i in range(1, kept):
+            radar.remembered[i - 1] = radar.remembered[i]
+        kept -= 1
+    slot = radar.remembered[kept]
+    slot.id, slot.at, slot.track = radar.id, at, radar.track
+    radar.remembered_count = kept + 1
+
+
+@inner
+def _recall(radar, settings, track_id, at):
+    """Go on from what was last seen under an id; whether anything was."""
+    for i in range(radar.remembered_count):
+        slot = radar.remembered[i]
+        if slot.id != track_id or at - slot.at >= MEMORY:
+            continue
+        radar.track = slot.track
+        if at > slot.at:
+            mean, jerk = settings.lead_acceleration_mean, settings.jerk_density
+            predict_track(radar.track, at - slot.at, radar.host, 1.0, mean, jerk)
+        slot.at = -np.inf
+        return True
+    return False
+
+
+@inner
+def _knows(radar, settings, track_id, changed):
+    """Whether a target under another id, or after a silence, is a car that is known."""
+    clearance, velocity = radar.measured_clearance, radar.measured_velocity
+    faulty = is_radar_faulty(radar)
+    if changed and not faulty:
+        _remember(radar, clearance.at)
+    limits = limits_about(radar, settings)
+    now = clearance_now(radar)
+    off = now - radar.track.clearance
+    if (
+        abs(off) <= limits[0]
+        and (faulty or not is_far(off))
+        and abs(velocity.value - radar.track.velocity) <= limits[1]
+    ):
+        if changed and not faulty:
+            # Another id is another part of it: that lies where it is seen.
+            set_clearance(radar.track, now, radar.clearance.noise.variance)
+        return True
+    if faulty:
+        # The faulty signals go on as they were: the car is the same, its reference still good.
+        return (
+            abs(clearance.value - radar.clearance.last) <= radar.clearance.floor
+            and abs(velocity.value - radar.velocity.last) <= radar.velocity.floor
+        )
+    return changed and _recall(radar, settings, track_id, clearance.at)
+
+
+@inner
+def is_settling(radar):
+    """Whether the first scans of a target contradict each other: a radar may not know it yet."""
+    clearance, velocity = radar.clearance, radar.velocity
+    young = radar.scans <= READY_SCANS and not is_radar_faulty(radar)
+    disagrees = is_bad(clearance) or is_bad(velocity)
+    return young and disagrees and radar.measured_clearance.at - radar.begun_at < SETTLING
+
+
+@inner
+def has_leapt(radar):
+    """Whether the radar sees another target under the same id."""
+    clearance, velocity = radar.clearance, radar.velocity
+    measured_clearance, measured_velocity = radar.measured_clearance, radar.measured_velocity
+    whole = measured_clearance.new and measured_velocity.new
+    disagrees = is_bad(velocity) or (is_bad(clearance) and not clearance.faulty)
+    if not (whole and disagrees) or velocity.faulty:
+        forget_leap(radar.leap)
+        return False
+    follow_leap(
+        radar.leap,
+        measured_clearance.at,
+        measured_clearance.value,
+        measured_velocity.value,
+        clearance.residual - offset_of(clearance),
+        velocity.residual,
+        deviation_about(velocity, radar.track.vv),
+        abs(radar.host_speed + measured_velocity.value) < STANDS * radar.host_speed,
+    )
+    return is_new_target(
+        radar.leap,
+        measured_clearance.value,
+        deviation(clearance.noise),
+        resolution_of(clearance.roughness),
+        is_bad(velocity),
+    )
