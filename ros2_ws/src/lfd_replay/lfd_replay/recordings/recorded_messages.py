@@ -5,7 +5,7 @@ are those of the headers; a header without a stamp counts as stamped when it was
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import cos, radians, sin
 from typing import Any
@@ -79,7 +79,7 @@ class MessageConverter:
         self._numbers: dict[bytes, int] = {}
         self._speed: float | None = None
         self._yaw_rate: float | None = None
-        self._converters: dict[str, Callable[[Any, int], Iterator[Sample]]] = {
+        self._converters: dict[str, Callable[[Any, int], Iterable[Sample]]] = {
             "lfd_msgs/msg/RadarTarget": self._radar_target,
             ESR_TRACK: self._esr_track,
             ESR_STATUS_4: self._esr_status_4,
@@ -92,11 +92,11 @@ class MessageConverter:
             "geometry_msgs/msg/AccelStamped": self._lead_acceleration,
         }
 
-    def push(self, message_type: str, message: Any, received: int) -> Iterator[Sample]:
+    def push(self, message_type: str, message: Any, received: int) -> Iterable[Sample]:
         """Take a message of a type in `TYPES`, received at `received` (ns)."""
         header = message.header.stamp
         stamp = header.sec * 1_000_000_000 + header.nanosec
-        yield from self._converters[message_type](message, stamp or received)
+        return self._converters[message_type](message, stamp or received)
 
     def flush(self) -> Iterator[Sample]:
         """What the end of a recording has cut off."""
@@ -104,8 +104,8 @@ class MessageConverter:
             yield select_lead(self._selector, scan, self._speed, self._yaw_rate)
         yield from self._can.flush()
 
-    def _radar_target(self, message: Any, stamp: int) -> Iterator[Sample]:
-        yield RadarSample(
+    def _radar_target(self, message: Any, stamp: int) -> Iterable[Sample]:
+        sample = RadarSample(
             stamp=stamp,
             has_target=bool(message.has_target),
             clearance=float(message.clearance),
@@ -114,6 +114,7 @@ class MessageConverter:
             sensor_flags=int(message.sensor_flags),
             sensor_text=str(message.sensor_text),
         )
+        return (sample,)
 
     def _esr_track(self, message: Any, stamp: int) -> Iterator[Sample]:
         track = esr_track(
@@ -127,13 +128,13 @@ class MessageConverter:
         for scan in self._assembler.push(stamp, int(message.id), track, rolling):
             yield select_lead(self._selector, scan, self._speed, self._yaw_rate)
 
-    def _esr_status_4(self, message: Any, _stamp: int) -> Iterator[Sample]:
+    def _esr_status_4(self, message: Any, _stamp: int) -> Iterable[Sample]:
         self._assembler.in_path = int(message.path_id_acc)
-        yield from ()
+        return ()
 
-    def _radar_tracks(self, message: Any, stamp: int) -> Iterator[Sample]:
+    def _radar_tracks(self, message: Any, stamp: int) -> Iterable[Sample]:
         tracks = [self._track(track) for track in message.tracks]
-        yield self._selector.select(stamp, tracks, self._speed, self._yaw_rate)
+        return (self._selector.select(stamp, tracks, self._speed, self._yaw_rate),)
 
     def _track(self, track: Any) -> Track:
         identity = bytes(track.uuid.uuid)
@@ -146,33 +147,33 @@ class MessageConverter:
             moving=known.get(int(track.classification)),
         )
 
-    def _can_frame(self, message: Any, stamp: int) -> Iterator[Sample]:
+    def _can_frame(self, message: Any, stamp: int) -> Iterable[Sample]:
         if message.is_error or message.is_rtr:
             self.counts["error and remote frames"] += 1
-            return
+            return ()
         data = bytes(np.asarray(message.data, dtype=np.uint8))[: int(message.dlc)]
-        yield from self._can.push((stamp, int(message.id), data))
+        return self._can.push((stamp, int(message.id), data))
 
-    def _imu(self, message: Any, stamp: int) -> Iterator[Sample]:
+    def _imu(self, message: Any, stamp: int) -> Iterable[Sample]:
         if message.angular_velocity_covariance[0] != -1.0:
             self._yaw_rate = float(message.angular_velocity.z)
-        yield self._forward(message.linear_acceleration, stamp)
+        return (self._forward(message.linear_acceleration, stamp),)
 
-    def _accel(self, message: Any, stamp: int) -> Iterator[Sample]:
-        yield self._forward(message.accel.accel.linear, stamp)
+    def _accel(self, message: Any, stamp: int) -> Iterable[Sample]:
+        return (self._forward(message.accel.accel.linear, stamp),)
 
     def _forward(self, vector: Any, stamp: int) -> Sample:
         value = self._mounting.forward(float(vector.x), float(vector.y), float(vector.z))
         return ScalarSample(ACCELERATION, stamp, value)
 
-    def _twist(self, message: Any, stamp: int) -> Iterator[Sample]:
-        yield self._host_speed(message.twist, stamp)
+    def _twist(self, message: Any, stamp: int) -> Iterable[Sample]:
+        return (self._host_speed(message.twist, stamp),)
 
-    def _odometry(self, message: Any, stamp: int) -> Iterator[Sample]:
-        yield self._host_speed(message.twist.twist, stamp)
+    def _odometry(self, message: Any, stamp: int) -> Iterable[Sample]:
+        return (self._host_speed(message.twist.twist, stamp),)
 
-    def _lead_acceleration(self, message: Any, stamp: int) -> Iterator[Sample]:
-        yield ScalarSample(LEAD_ACCELERATION, stamp, float(message.accel.linear.x))
+    def _lead_acceleration(self, message: Any, stamp: int) -> Iterable[Sample]:
+        return (ScalarSample(LEAD_ACCELERATION, stamp, float(message.accel.linear.x)),)
 
     def _host_speed(self, twist: Any, stamp: int) -> Sample:
         self._speed = float(twist.linear.x)
