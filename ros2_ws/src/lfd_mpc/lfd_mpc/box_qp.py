@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lfd_mpc.compiled import entry, inner
+from lfd_mpc.compiled import borrowing, entry, inner
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ def box_problem(P: Array, lower: Array, upper: Array) -> BoxProblem:
     return BoxProblem(P, -np.linalg.inv(P), np.array(lower), np.array(upper))
 
 
-@inner
+@borrowing
 def _times(matrix, vector, result):
     """`matrix @ vector` of a symmetric matrix, row by row so that it is vectorised."""
     result[:] = 0.0
@@ -84,7 +84,7 @@ def _times(matrix, vector, result):
             result[i] += matrix[j, i] * vector[j]
 
 
-@inner
+@borrowing
 def optimality_residual(problem, u, f, gradient):
     """`max|u - clip(u - (Pu + f))|` in m/s^2, infinite where it is no number.
 
@@ -101,7 +101,7 @@ def optimality_residual(problem, u, f, gradient):
     return residual if isfinite(residual) else np.inf
 
 
-@inner
+@borrowing
 def solve_free(problem, f, u):
     """Solve without limits into `u`; whether that keeps all of them."""
     _times(problem.minus_inverse, f, u)
@@ -111,7 +111,7 @@ def solve_free(problem, f, u):
     return inside
 
 
-@inner
+@borrowing
 def _minimise_others(problem, f, side, u, others, factor, y):
     """Minimise over the inputs at no limit (`side` 0), by a Cholesky factor; others at theirs.
 

@@ -14,7 +14,7 @@ from lfd_mpc.box_qp import (
     solve_at_limits,
     solve_free,
 )
-from lfd_mpc.compiled import entry, inner
+from lfd_mpc.compiled import borrowing, entry, inner
 from lfd_mpc.prediction_model import build_prediction_model
 from lfd_mpc.settings import STEP_S, MpcSettings
 
@@ -34,7 +34,7 @@ class ControlModel(NamedTuple):
     linear: bool
 
 
-@inner
+@borrowing
 def desired_clearance(model, clearance, host_speed):
     """In m (eq 1); without a host speed (NaN) the clearance itself, so that only the relative
     velocity is regulated."""
@@ -43,7 +43,7 @@ def desired_clearance(model, clearance, host_speed):
     return host_speed * model.preview_time + model.minimum_clearance
 
 
-@inner
+@borrowing
 def linear_cost(model, error, relative_velocity, acceleration, f):
     """The cost's linear term (N,) of a state (eq 8)."""
     for i in range(len(f)):
@@ -54,7 +54,7 @@ def linear_cost(model, error, relative_velocity, acceleration, f):
         )
 
 
-@inner
+@borrowing
 def roll_out(model, clearance, relative_velocity, acceleration, plan, states):
     """The prediction (N, 2) in m and m/s for 1..N steps ahead (eqs 3 and 10).
 

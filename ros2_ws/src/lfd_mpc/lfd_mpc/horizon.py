@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_mpc.box_qp import NOT_FOUND, SOLVED, SOLVED_EXACTLY
-from lfd_mpc.compiled import entry, inner, make_state
+from lfd_mpc.compiled import borrowing, entry, inner, make_state
 from lfd_mpc.controller import (
     Controller,
     desired_clearance,
@@ -237,7 +237,7 @@ def _carry_over(inputs, horizon):
     horizon.host_speed = np.nan if inputs.host_speed.stale else inputs.host_speed.measured
 
 
-@inner
+@borrowing
 def mpc_step(sampler, model, state, f, plan, states):
     """The next step that is released: into `state`, `plan` (N,) and `states` (N, 2).
 
@@ -277,7 +277,7 @@ def _without_solution(state):
     horizon.fallbacks = state.fallbacks
 
 
-@inner
+@borrowing
 def _with_solution(model, state, plan, states):
     horizon = state.horizon
     horizon.valid = True

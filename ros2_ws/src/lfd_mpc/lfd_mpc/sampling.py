@@ -19,7 +19,7 @@ from math import isfinite, nan
 import numpy as np
 from numpy.typing import NDArray
 
-from lfd_mpc.compiled import entry, inner, make_state
+from lfd_mpc.compiled import borrowing, entry, inner, make_state
 from lfd_mpc.settings import STEP_NS
 
 SILENCE_NS = 50_000_000
@@ -513,7 +513,7 @@ def take_clock(samplers, stamp):
         _release(samplers[0], min(stamp - SILENCE_NS, epoch.newest), NOBODY)
 
 
-@inner
+@borrowing
 def next_step(sampler, inputs):
     """Make the next step that is released into `inputs`; false when there is none."""
     epoch = sampler.epoch

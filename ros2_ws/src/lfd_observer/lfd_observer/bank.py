@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lfd_mpc.compiled import entry, inner, make_state
+from lfd_mpc.compiled import borrowing, entry, make_state
 from lfd_mpc.horizon import Horizon
 from lfd_observer.prediction_store import (
     STORE,
@@ -52,7 +52,7 @@ class BankAnswer(NamedTuple):
     outside: NDArray[np.bool_]
 
 
-@inner
+@borrowing
 def bank_step(bank, arrays, horizon, states, answer):
     """Answer one horizon, whose prediction is `states` (N, 2)."""
     store, solutions = bank.store, arrays.solutions

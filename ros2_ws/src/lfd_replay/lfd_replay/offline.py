@@ -16,7 +16,7 @@ from lfd_diagnosis.diagnosis import Diagnosis, RobustDiagnosis, make_diagnosis
 from lfd_diagnosis.paper_diagnosis import paper_step
 from lfd_diagnosis.robust_diagnosis import robust_step
 from lfd_diagnosis.verdict import Outcome
-from lfd_mpc.compiled import entry, inner
+from lfd_mpc.compiled import borrowing, entry, inner
 from lfd_mpc.errors import UserError
 from lfd_mpc.horizon import HORIZON, STATUS_TEXTS, Horizon, Mpc, Progress, mpc_step
 from lfd_mpc.sampling import Sample, push_sample, restart_reason, sample_array
@@ -43,7 +43,7 @@ def row_kind(outcome: np.dtype) -> np.dtype:
     )
 
 
-@inner
+@borrowing
 def _next_horizon(samples, sample, solved, control):
     """Go on to the next step; returns the next sample and what came of it."""
     samplers, model, mpcs, f, plan, states = control
