@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -148,3 +149,46 @@ def test_a_mistake_ends_with_one_line_and_status_2(
     assert len(done.stderr.strip().splitlines()) == 1 and named in done.stderr
     assert "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+STOPPED_WHILE_MADE = """
+import os, signal, sys, time
+import rclpy
+from rclpy.node import Node
+from std_msgs.msg import String
+from lfd_mpc.node_process import run_node
+
+class Late(Node):
+    def __init__(self):
+        super().__init__("late")
+        os.kill(os.getpid(), signal.{name})
+        while rclpy.ok():
+            time.sleep(0.01)
+        self.create_publisher(String, "late", 1)
+
+class Wrong(Node):
+    def __init__(self):
+        super().__init__("wrong")
+        raise RuntimeError("a mistake of its own")
+
+sys.exit(run_node(lambda: {kind}, []))
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "status"),
+    [("SIGTERM", "Late", 0), ("SIGINT", "Late", 0), ("SIGINT", "Wrong", 1)],
+)
+def test_a_node_that_is_stopped_while_it_is_made_ends_in_peace(
+    name: str, kind: str, status: int
+) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", STOPPED_WHILE_MADE.format(name=name, kind=kind)],
+        env={**os.environ, "ROS_DOMAIN_ID": str(next_domain())},
+        capture_output=True,
+        text=True,
+        timeout=30,
+    )
+    assert done.returncode == status, done.stderr
+    assert ("a mistake of its own" in done.stderr) == (status == 1)
+    assert "context is invalid" not in done.stderr

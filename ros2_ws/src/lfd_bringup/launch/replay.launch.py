@@ -5,6 +5,7 @@ ros2 launch lfd_bringup replay.launch.py drive:=PATH fault:='offset:acceleration
 Without a drive there is the graph alone: for a car (use_sim_time:=false), or for `ros2 bag play`.
 """
 
+import os
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
@@ -111,5 +112,15 @@ def generate_launch_description():
         DeclareLaunchArgument(name, default_value=default, description=text)
         for name, (default, text) in ARGUMENTS.items()
     ]
-    local = SetEnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    return LaunchDescription([local, *declared, OpaqueFunction(function=start)])
+    # As ./run does: this machine alone, and nodes that find each other fast, unless said otherwise.
+    profile = Path(get_package_share_directory("lfd_bringup")) / "config/fastdds.xml"
+    usual = {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(profile),
+    }
+    chosen = [
+        SetEnvironmentVariable(name, value)
+        for name, value in usual.items()
+        if name not in os.environ
+    ]
+    return LaunchDescription([*chosen, *declared, OpaqueFunction(function=start)])

@@ -57,7 +57,10 @@ def start_ros(args: list[str] | None) -> None:
 
 @contextmanager
 def joined(args: list[str] | None) -> Iterator[float]:
-    """Joined ROS, since the `time.monotonic()` that is given; left at the end. As `start_ros`."""
+    """Joined ROS, since the `time.monotonic()` that is given; left at the end. As `start_ros`.
+
+    Raises ExternalShutdownException where a signal ended it while something was being made.
+    """
     start_ros(args)
     try:
         # A context joins with its first node; hidden, as its name begins with an underscore.
@@ -72,6 +75,11 @@ def joined(args: list[str] | None) -> Iterator[float]:
             yield time.monotonic()
         finally:
             first.destroy_node()
+    except RuntimeError as error:
+        if rclpy.ok():
+            raise
+        # What ROS says to whoever goes on after a signal has ended the context.
+        raise ExternalShutdownException from error
     finally:
         rclpy.try_shutdown()
 
