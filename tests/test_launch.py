@@ -3,6 +3,7 @@
 import os
 import runpy
 import signal
+import subprocess
 from pathlib import Path
 
 import launch_stand_in
@@ -36,10 +37,18 @@ def launched(monkeypatch, folder: Path, domain: int, arguments: dict[str, str]):
 
 
 def ended(started: launch_stand_in.Launched) -> dict[str, int]:
-    """Exit statuses after an interrupt, as `ros2 launch` ends what is left."""
-    for process in started.processes.values():
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
+    """Exit statuses, ended as `ros2 launch` does: interrupted, and told again after 5 s.
+
+    A process that has just begun may lose the interrupt.
+    """
+    left = [process for process in started.processes.values() if process.poll() is None]
+    for process in left:
+        process.send_signal(signal.SIGINT)
+    for process in left:
+        try:
+            process.wait(timeout=5)
+        except subprocess.TimeoutExpired:
+            process.terminate()
     return {name: process.wait(timeout=10) for name, process in started.processes.items()}
 
 
