@@ -171,6 +171,10 @@ MISTAKES = {
     "profile": (["good.csv", "--profile", "magic"], "unknown; there are: robust, paper"),
     "no parameter file": (["good.csv", "--params", "no.yaml"], "no.yaml"),
     "unknown parameter": (["good.csv", "--params", "typo.yaml"], "preview_tiem"),
+    "parameter without a name": (
+        ["good.csv", "--params", "number.yaml"],
+        "mpc_node: parameter 7: ",
+    ),
     "refused parameter": (["good.csv", "--params", "refused.yaml"], "preview_time"),
     "unwritable": (["good.csv", "--json", "good.csv/out.json"], "cannot be written"),
 }
@@ -194,6 +198,7 @@ def test_evaluate_ends_a_mistake_with_one_line(mistake, tmp_path, monkeypatch, c
     (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
     (tmp_path / "folder").mkdir()
     (tmp_path / "typo.yaml").write_text("/**/mpc_node: {ros__parameters: {preview_tiem: 1.0}}")
+    (tmp_path / "number.yaml").write_text("/**/mpc_node: {ros__parameters: {7: 1.0}}")
     (tmp_path / "refused.yaml").write_text("/**/mpc_node: {ros__parameters: {preview_time: -1.0}}")
     before = sorted(tmp_path.iterdir())
     arguments, said = MISTAKES[mistake]

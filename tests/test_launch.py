@@ -49,6 +49,10 @@ def ended(started: launch_stand_in.Launched) -> dict[str, int]:
             process.wait(timeout=5)
         except subprocess.TimeoutExpired:
             process.terminate()
+            try:
+                process.wait(timeout=5)
+            except subprocess.TimeoutExpired:
+                process.kill()
     return {name: process.wait(timeout=10) for name, process in started.processes.items()}
 
 

@@ -83,7 +83,7 @@ def read_parameter_file(file: Path) -> dict[str, dict]:
                 for owner in owners:
                     values[owner][name] = value
         elif node in values:
-            own = {k: v for k, v in parameters.items() if k != "use_sim_time"}
+            own = {str(k): v for k, v in parameters.items() if k != "use_sim_time"}
             values[node].update(own)
     return values
 
