@@ -100,8 +100,8 @@ def test_security_that_would_not_be_enforced_is_refused(environment: dict, named
 def test_discovery_stays_on_the_machine_unless_told_otherwise(given: dict, used: str) -> None:
     own = {k: v for k, v in os.environ.items() if k != "ROS_AUTOMATIC_DISCOVERY_RANGE"}
     script = (
-        "import os; from lfd_mpc.node_process import start_ros; start_ros([]); "
-        "print(os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE'))"
+        "import os\nfrom lfd_mpc.node_process import ros_started\nwith ros_started([]):\n"
+        "    print(os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE'))"
     )
     done = subprocess.run(
         [sys.executable, "-c", script],

@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 from rich.console import Console
@@ -19,7 +19,7 @@ from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.verdict import Event, State
 from lfd_mpc.errors import UserError
 from lfd_mpc.mpc_node import MpcNode
-from lfd_mpc.node_process import make_executor
+from lfd_mpc.node_process import deliver, make_executor
 from lfd_observer.observer_node import ObserverNode
 from lfd_replay.bag_player import add_play_options, play, play_options
 from lfd_replay.command_line import add_drive_options, print_table, result_table, warn
@@ -158,7 +158,7 @@ def _play_to_the_end(
     try:
         wall = play(player, executor, console)
         drain(executor, recorder)
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except KeyboardInterrupt:
         print("interrupted: what was recorded until now is written", file=sys.stderr)
         return None
     return wall
@@ -168,7 +168,7 @@ def drain(executor: Executor, recorder: RecorderNode) -> None:
     """Spin until nothing arrives any more."""
     received, quiet_since = -1, time.monotonic()
     while time.monotonic() - quiet_since < QUIET:
-        executor.spin_once(timeout_sec=QUIET)
+        deliver(executor, QUIET)
         if recorder.received != received:
             received, quiet_since = recorder.received, time.monotonic()
 

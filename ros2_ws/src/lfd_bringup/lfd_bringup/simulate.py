@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import rclpy
-from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 from rich.console import Console
@@ -29,7 +29,7 @@ from lfd_bringup.replay import (
 )
 from lfd_diagnosis.decision_node import DecisionNode
 from lfd_mpc.errors import UserError
-from lfd_mpc.node_process import make_executor, start_ros
+from lfd_mpc.node_process import deliver, make_executor, ros_started
 from lfd_replay.command_line import print_table, result_table
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
@@ -108,32 +108,34 @@ def main_simulate(arguments: list[str]) -> int:
     )
     for fault in faults:
         console.print(f"  injected: {fault.text}", markup=False, highlight=False)
-    start_ros(arguments)
-    executor = make_executor()
-    nodes: list[Node] = []
-    try:
-        recorder = RecorderNode(
-            lambda event: console.print(event_line(event, 0), highlight=False), topics=LOOP_TOPICS
-        )
-        nodes.append(recorder)
-        own = ["-p", f"seed:={options.seed}", "-p", f"model:={options.model}"]
-        made, vehicle = loop_nodes(lead_text, ";".join(texts), options.profile, options.rate, own)
-        nodes += made
-        for node in nodes:
-            executor.add_node(node)
-        started = time.monotonic()
-        ended = _run_to_the_end(vehicle, executor, recorder, console)
-        wall, driven = time.monotonic() - started, vehicle.world.stamp * 1e-9
-        console.print(f"drove {driven:.1f} s in {wall:.1f} s ({driven / wall:.1f} x real time)")
-        _leave(options.out, lead_text, recorder, faults, console)
-        if vehicle.error is not None:
-            print(vehicle.error, file=sys.stderr)
-            return 2 if isinstance(vehicle.error, UserError) else 1
-    finally:
-        executor.shutdown()
-        for node in nodes:
-            node.destroy_node()
-        rclpy.try_shutdown()
+    with ros_started(arguments):
+        executor = make_executor()
+        nodes: list[Node] = []
+        try:
+            recorder = RecorderNode(
+                lambda event: console.print(event_line(event, 0), highlight=False),
+                topics=LOOP_TOPICS,
+            )
+            nodes.append(recorder)
+            own = ["-p", f"seed:={options.seed}", "-p", f"model:={options.model}"]
+            made, vehicle = loop_nodes(
+                lead_text, ";".join(texts), options.profile, options.rate, own
+            )
+            nodes += made
+            for node in nodes:
+                executor.add_node(node)
+            started = time.monotonic()
+            ended = _run_to_the_end(vehicle, executor, recorder, console)
+            wall, driven = time.monotonic() - started, vehicle.world.stamp * 1e-9
+            console.print(f"drove {driven:.1f} s in {wall:.1f} s ({driven / wall:.1f} x real time)")
+            _leave(options.out, lead_text, recorder, faults, console)
+            if vehicle.error is not None:
+                print(vehicle.error, file=sys.stderr)
+                return 2 if isinstance(vehicle.error, UserError) else 1
+        finally:
+            executor.shutdown()
+            for node in nodes:
+                node.destroy_node()
     return 0 if ended else INTERRUPTED
 
 
@@ -151,10 +153,10 @@ def _run_to_the_end(
         ) as progress:
             task = progress.add_task("simulate", total=vehicle.total)
             while not vehicle.done and vehicle.error is None:
-                executor.spin_once(timeout_sec=0.1)
+                deliver(executor, 0.1)
                 progress.update(task, completed=vehicle.world.stamp * 1e-9)
         drain(executor, recorder)
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except KeyboardInterrupt:
         print("interrupted: what was recorded until now is written", file=sys.stderr)
         return False
     return True

@@ -4,17 +4,20 @@ It joins ROS before it loads what it computes with: finding the others takes as 
 """
 
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import FrameType
 
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.executors import Executor
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
 
 from lfd_mpc.collector import without_collector
 from lfd_mpc.errors import UserError
@@ -26,6 +29,56 @@ def make_executor(context: Context | None = None) -> Executor:
     Only `spin_once` with a finite timeout delivers messages and heeds signals.
     """
     return EventsExecutor(context=context)
+
+
+class _Signals:
+    """SIGINT and SIGTERM, taken alike: a KeyboardInterrupt, but never one within a callback.
+
+    The handlers of rclpy end the context in a thread of their own, while the main thread publishes
+    or leaves: the node then says that it failed, with a traceback, or aborts.
+    """
+
+    def __init__(self) -> None:
+        self._told = False
+        self._delivering = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        self._told = True
+        if not self._delivering:
+            raise KeyboardInterrupt
+
+    @contextmanager
+    def taken(self) -> Iterator[None]:
+        """Signals come here until the end."""
+        self._told = False
+        numbers = (signal.SIGINT, signal.SIGTERM)
+        before = {number: signal.signal(number, self) for number in numbers}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def deliver(self, executor: Executor, seconds: float) -> None:
+        self._delivering = True
+        try:
+            if not self._told:
+                executor.spin_once(timeout_sec=seconds)
+        finally:
+            self._delivering = False
+        if self._told:
+            raise KeyboardInterrupt
+
+
+_signals = _Signals()
+
+
+def deliver(executor: Executor, seconds: float) -> None:
+    """Call back for what arrives within so many s.
+
+    Raises KeyboardInterrupt afterwards if the process was told to end, by SIGINT or SIGTERM.
+    """
+    _signals.deliver(executor, seconds)
 
 
 def _refuse_pretended_security() -> None:
@@ -44,25 +97,28 @@ def _refuse_pretended_security() -> None:
         )
 
 
-def start_ros(args: list[str] | None) -> None:
-    """Initialise ROS, seen by this machine alone unless the environment says otherwise.
+@contextmanager
+def ros_started(args: list[str] | None) -> Iterator[None]:
+    """ROS, seen by this machine alone unless the environment says otherwise; left at the end.
 
-    Raises UserError for security that was asked for but would not be enforced.
+    Raises UserError for security that was asked for but would not be enforced, KeyboardInterrupt
+    for SIGINT and SIGTERM.
     """
     _refuse_pretended_security()
     if "ROS_STATIC_PEERS" not in os.environ:
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    rclpy.init(args=args)
+    with _signals.taken():
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            yield
+        finally:
+            rclpy.try_shutdown()
 
 
 @contextmanager
 def joined(args: list[str] | None) -> Iterator[float]:
-    """Joined ROS, since the `time.monotonic()` that is given; left at the end. As `start_ros`.
-
-    Raises ExternalShutdownException where a signal ended it while something was being made.
-    """
-    start_ros(args)
-    try:
+    """ROS joined, since the `time.monotonic()` that is given. Otherwise as `ros_started`."""
+    with ros_started(args):
         # A context joins with its first node; hidden, as its name begins with an underscore.
         first = rclpy.create_node(
             "_joining",
@@ -75,13 +131,6 @@ def joined(args: list[str] | None) -> Iterator[float]:
             yield time.monotonic()
         finally:
             first.destroy_node()
-    except RuntimeError as error:
-        if rclpy.ok():
-            raise
-        # What ROS says to whoever goes on after a signal has ended the context.
-        raise ExternalShutdownException from error
-    finally:
-        rclpy.try_shutdown()
 
 
 def run_node(load: Callable[[], Callable[[], Node]], args: list[str] | None = None) -> int:
@@ -100,13 +149,12 @@ def run_node(load: Callable[[], Callable[[], Node]], args: list[str] | None = No
             try:
                 executor = make_executor()
                 executor.add_node(node)
-                while rclpy.ok():
-                    executor.spin_once(timeout_sec=0.1)
+                while True:
+                    deliver(executor, 0.1)
             finally:
                 node.destroy_node()
     except UserError as error:
         print(error, file=sys.stderr)
         return 2
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    return 0
+    except KeyboardInterrupt:
+        return 0

@@ -5,14 +5,13 @@ import sys
 import time
 from pathlib import Path
 
-import rclpy
-from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.executors import Executor
 from rclpy.utilities import remove_ros_args
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.node_process import make_executor, start_ros
+from lfd_mpc.node_process import deliver, make_executor, ros_started
 from lfd_replay.command_line import add_drive_options, warn
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
@@ -64,7 +63,7 @@ def play(player: PlayerNode, executor: Executor, console: Console) -> float:
         shown = 0.0
         while not player.done:
             pause = player.pump()
-            executor.spin_once(timeout_sec=max(pause, 0.0))
+            deliver(executor, max(pause, 0.0))
             now = time.monotonic()
             if player.started is not None and now - shown > 0.2:
                 shown = now
@@ -101,20 +100,18 @@ def main_play(arguments: list[str]) -> int:
     if wait_for is None:
         wait_for = list(GRAPH_NODES) if playing.rate == 0.0 else []
 
-    start_ros(arguments)
     try:
-        player = PlayerNode(samples, playing, wait_for)
-        executor = make_executor()
-        executor.add_node(player)
-        wall = play(player, executor, Console(stderr=True))
-        print(f"played {player.total:.1f} s of {drive.name} in {wall:.1f} s")
+        with ros_started(arguments):
+            player = PlayerNode(samples, playing, wait_for)
+            executor = make_executor()
+            executor.add_node(player)
+            wall = play(player, executor, Console(stderr=True))
+            print(f"played {player.total:.1f} s of {drive.name} in {wall:.1f} s")
     except LockstepError as error:
         print(error, file=sys.stderr)
         return 1
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except KeyboardInterrupt:
         return 0
-    finally:
-        rclpy.try_shutdown()
     return 0
 
 
