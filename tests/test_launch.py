@@ -128,5 +128,5 @@ def test_outputs_are_recorded_by_the_bag_recorder_of_ros(monkeypatch, tmp_path: 
         assert started.processes["recorder"].wait(timeout=10) == 0
         ended(started)
     asked = (tmp_path / "recorder.txt").read_text().split()
-    assert asked[:6] == ["bag", "record", "-s", "mcap", "-o", str(tmp_path / "bag")]
-    assert {"/car1/diagnosis/faults", "/car1/radar/target", "/diagnostics"} <= set(asked[6:])
+    assert asked[:7] == ["bag", "record", "-s", "mcap", "-o", str(tmp_path / "bag"), "--topics"]
+    assert {"/car1/diagnosis/faults", "/car1/radar/target", "/diagnostics"} <= set(asked[7:])

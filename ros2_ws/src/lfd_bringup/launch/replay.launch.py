@@ -85,7 +85,7 @@ def start(context):
     ]
     if value["record"]:
         topics = [*(prefix + topic for topic in (*INPUTS, *OUTPUTS)), "/diagnostics"]
-        record = ["ros2", "bag", "record", "-s", "mcap", "-o", value["record"], *topics]
+        record = ["ros2", "bag", "record", "-s", "mcap", "-o", value["record"], "--topics", *topics]
         actions.append(ExecuteProcess(cmd=record, output="screen"))
     if not value["drive"]:
         return actions
