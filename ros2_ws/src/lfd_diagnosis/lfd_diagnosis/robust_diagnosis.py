@@ -5,12 +5,14 @@ from math import isnan
 import numpy as np
 
 from lfd_diagnosis.acceleration_monitor import (
-    ACCELERATION,
     expected_acceleration,
     expected_std,
     follow_acceleration,
     has_evidence,
     judge_acceleration,
+)
+from lfd_diagnosis.acceleration_state import (
+    ACCELERATION,
     restart_acceleration,
     start_acceleration,
 )

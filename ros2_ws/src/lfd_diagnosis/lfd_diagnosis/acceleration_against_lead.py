@@ -1,0 +1,177 @@
+"""The host's accelerometer where its speed is not known: against the observers and the lead's word.
+
+No car changes its acceleration by metres per second squared within a tenth of a second and keeps it
+there, unless the lead seems to do the very same (then it is the accelerometer).
+"""
+
+from math import isnan
+
+import numpy as np
+
+from lfd_diagnosis.acceleration_size import estimate_size
+from lfd_diagnosis.acceleration_state import BASE_SHARE, BASELINE_DELAY, RADAR_GONE, SAMPLES, SHARP
+from lfd_diagnosis.evidence import Ground, set_check
+from lfd_diagnosis.healthy_signal import (
+    append,
+    at,
+    deviation,
+    filter_share,
+    is_full,
+    learn_noise,
+    mean_of,
+    share_of,
+    start_ring,
+)
+from lfd_diagnosis.host_speed import came_to_rest
+from lfd_diagnosis.lead_report import is_trusted
+from lfd_diagnosis.verdict import Kind
+from lfd_mpc.compiled import inner
+from lfd_mpc.settings import STEP_S
+
+SHAKEN_LIMIT = 1.6
+"""How much larger a jump must be while the road shakes the sensor."""
+
+SMOOTH = 0.3
+"""Time constant in s through which an acceleration is rebuilt from the relative one."""
+
+BLIND_STD = 0.7
+"""m/s^2 to which an acceleration is known from the lead's alone: how much that varies."""
+
+JUMP_MEMORY = 25
+"""Steps after a jump in which it is held against the observers."""
+
+OWN_SHARE = 0.7
+"""Share of its difference from the lead's word that the accelerometer must have made itself."""
+
+LEAD_MEMORY = 2.0
+"""Seconds over which the lead's acceleration is known when it is not measured."""
+
+RELATIVE_SHARE = share_of(SMOOTH)
+
+
+@inner
+def follow_lead(monitor, relative_acceleration):
+    """The lead's acceleration as accelerometer and observers make it."""
+    gone = isnan(relative_acceleration)
+    if gone:
+        monitor.radar_gone += 1
+        if monitor.radar_gone > RADAR_GONE:
+            monitor.lead = np.nan
+            start_ring(monitor.lead_recent, BASELINE_DELAY)
+            return
+    else:
+        monitor.radar_gone = 0
+        if not monitor.jumped_for:
+            monitor.relative = relative_acceleration
+    now = monitor.relative if gone else relative_acceleration
+    monitor.relative_now = now
+    monitor.relative_slow += RELATIVE_SHARE * (now - monitor.relative_slow)
+    monitor.lead = monitor.filtered + now
+    if not monitor.confidence and not monitor.jumped_for:
+        append(monitor.lead_recent, monitor.lead)
+        if isnan(monitor.lead_slow):
+            monitor.lead_slow = monitor.lead
+        monitor.lead_slow += BASE_SHARE * (at(monitor.lead_recent, 0) - monitor.lead_slow)
+        append(monitor.own_recent, monitor.filtered)
+        if isnan(monitor.own_slow):
+            monitor.own_slow = monitor.filtered
+        monitor.own_slow += BASE_SHARE * (at(monitor.own_recent, 0) - monitor.own_slow)
+
+
+@inner
+def against_lead(monitor, settings, lead_report):
+    """Without the host's speed: against its own past, the observers and the lead's word."""
+    check = monitor.check
+    if monitor.faulty:
+        _still_off_lead(monitor, settings, lead_report)
+        return
+    check.ground = Ground.NONE
+    if not is_full(monitor.lead_recent) or isnan(monitor.lead):
+        return
+    if is_trusted(lead_report, settings):
+        _against_report(monitor, settings, lead_report)
+    # A car that has braked to rest jerks back as it does at no other time.
+    if settings.use_observers and not came_to_rest(monitor.speed):
+        _against_observers(monitor, settings)
+
+
+@inner
+def _take_if_worse(check, ground, residual, limit):
+    """Of several kinds of evidence the one that disagrees most counts."""
+    first = check.ground == Ground.NONE
+    if first or abs(residual) / limit > abs(check.residual) / check.limit:
+        set_check(check, ground, residual, limit, Kind.OFFSET, np.nan)
+
+
+@inner
+def _report_limit(monitor, settings):
+    """How far the lead's acceleration as seen may lie from its word, in m/s^2."""
+    sigma = settings.acceleration_sigma
+    return max(settings.acceleration_limit, sigma * deviation(monitor.report_noise))
+
+
+@inner
+def _against_report(monitor, settings, lead_report):
+    """Blamed only for what it did itself: the lead's word or the radar may be wrong as well."""
+    off = monitor.lead - lead_report.acceleration
+    share = filter_share(settings.host_speed_filter_time)
+    monitor.report_off += share * (off - monitor.report_off)
+    residual = monitor.report_off
+    own = monitor.filtered - monitor.own_slow
+    limit = _report_limit(monitor, settings)
+    if abs(residual) < 0.8 * limit and monitor.ticks % 10 == 0:
+        learn_noise(monitor.report_noise, residual, 0.0)
+    if own * residual < 0.0 or abs(own) < OWN_SHARE * abs(residual):
+        residual = 0.0
+    if abs(residual) > limit:
+        monitor.lead_reference = monitor.lead_slow
+    _take_if_worse(monitor.check, Ground.LEADS_WORD, residual, limit)
+
+
+@inner
+def _against_observers(monitor, settings):
+    samples = monitor.samples
+    jump = 0.0
+    if is_full(samples):
+        jump = mean_of(samples, SAMPLES - SHARP, SAMPLES) - mean_of(samples, 0, SHARP)
+    # On a bad road, or over a kerb, even the mean of some samples jumps.
+    limit = settings.jump_limit * (SHAKEN_LIMIT if monitor.shaken else 1.0)
+    if abs(jump) > limit:
+        if not monitor.jumped_for:
+            monitor.lead_reference = mean_of(monitor.lead_recent, 0, 2 * BASELINE_DELAY // 3)
+            monitor.before = mean_of(samples, 0, SHARP)
+        monitor.jumped_for, monitor.jump_sign = JUMP_MEMORY, 1.0 if jump > 0 else -1.0
+    if not monitor.jumped_for:
+        _take_if_worse(monitor.check, Ground.OBSERVERS, jump, limit)
+        return
+    monitor.jumped_for -= 1
+    # A jump that the observers answer with the opposite one is the car's own.
+    now = mean_of(samples, samples.count - SHARP, samples.count)
+    residual = now - monitor.before + monitor.relative_now - monitor.relative
+    if residual * monitor.jump_sign < 0.0:
+        residual = 0.0
+    _take_if_worse(monitor.check, Ground.OBSERVERS, residual, 0.8 * limit)
+
+
+@inner
+def _still_off_lead(monitor, settings, lead_report):
+    """A faulty signal against the lead, who goes back to driving as most do."""
+    trusted = is_trusted(lead_report, settings)
+    if isnan(monitor.lead_reference):
+        monitor.lead_reference = monitor.lead_slow
+    mean = settings.lead_acceleration_mean
+    monitor.lead_reference += STEP_S / LEAD_MEMORY * (mean - monitor.lead_reference)
+    if trusted:
+        monitor.lead_reference = lead_report.acceleration
+    if isnan(monitor.lead) or isnan(monitor.lead_reference):
+        # Nothing to hold it against: it stays what it was.
+        monitor.agreeing = 0.0
+        monitor.check.ground = Ground.NONE
+        return
+    residual = monitor.lead - monitor.lead_reference
+    monitor.settled += 1
+    monitor.off += 3.0 * STEP_S * (residual - monitor.off)
+    estimate_size(monitor, residual)
+    monitor.size_std = BLIND_STD
+    limit = _report_limit(monitor, settings) if trusted else settings.jump_limit
+    set_check(monitor.check, Ground.OBSERVERS, residual, limit, monitor.kind, np.nan)

@@ -1,0 +1,221 @@
+"""The host's accelerometer against the derivative of its speed.
+
+Both go through the same filter; their difference is gravity on a slope, which changes slowly, and
+some noise. A fault is a sudden change of the difference, or more of it than any road makes.
+"""
+
+from math import isnan
+
+import numpy as np
+
+from lfd_diagnosis.acceleration_jump import (
+    follow_difference,
+    is_measured,
+    learn_jump_noise,
+    least_beyond,
+)
+from lfd_diagnosis.acceleration_size import JUMPED, estimate_size
+from lfd_diagnosis.acceleration_state import BASE_SHARE, LAG_MEMORY, LAG_PRIOR, newest_sample
+from lfd_diagnosis.evidence import Ground, is_exceeded, set_check
+from lfd_diagnosis.healthy_signal import (
+    POSSIBLE_JERK,
+    append,
+    at,
+    deviation,
+    is_frozen,
+    is_full,
+    is_rough,
+    learn_noise,
+)
+from lfd_diagnosis.host_speed import jerk_between, jerk_of
+from lfd_diagnosis.verdict import Kind
+from lfd_mpc.compiled import inner
+from lfd_mpc.settings import STEP_S
+
+WARM_UP = 3.0
+"""Seconds over which the limits come down from thrice to once their width."""
+
+LAG_DOUBT, CALM_JERK, LAG_MOST = 0.15, 4.0, 1.5
+"""s by which the lag may differ from what is known of it before a jerk has told it, m/s^3 up to
+which that does not matter, and m/s^2 that the accelerometer may be ahead at most."""
+
+SHARP_JERK = 8.0
+"""m/s^3 that a jerk must exceed for its excess to count for a moment longer."""
+
+MOST_ALLOWANCE, STEEPEST = 6.0, 4.0
+"""m/s^2 by which limits widen at most, and that a slope and a sensor's mounting make at most."""
+
+LARGEST_LAG = 0.3
+"""Largest lag in s between accelerometer and speed that is learnt."""
+
+SLOPE_TIME = 4.0
+"""Time constant in s of the slow mean, as far as its rate allows."""
+
+BURST = 0.15
+"""Share of a shaking's rms by which limits widen."""
+
+LASTING, LARGE = 6, 2.0
+"""Steps for which a jump must have lasted, and how many times its limit it must be, to be seen in
+the samples as they are."""
+
+LEAST, FADED_STEPS = 0.6, 50
+"""m/s^2 within which an acceleration that jumped must come back, and for how many steps if it did
+not come back at once."""
+
+BACK, BACK_STEPS = 0.65, 5
+"""Share of a fault by which it must jump back, and for how many steps, to be over."""
+
+UNDER_JUMP, LARGEST_RATE, LARGEST_SLOPE = 1.0, 0.5, 1.5
+"""Time constant in s with which the slope is followed under a jump, and by how many m/s^3 and m/s^2
+at most."""
+
+THERE = 0.75
+"""Share of a jump by which a sample may be off if it is still the jump that is seen in it."""
+
+
+@inner
+def against_speed(monitor, settings):
+    """Against the derivative of the host's speed."""
+    jerk = jerk_of(monitor.speed)
+    derivative = monitor.speed.derivative + _lag(monitor, settings) * jerk
+    off = monitor.filtered - derivative
+    follow_difference(monitor.jump, newest_sample(monitor) - derivative)
+    if monitor.faulty:
+        _still_off(monitor, settings, off)
+        return
+    if isnan(monitor.baseline):
+        monitor.baseline = monitor.slope if monitor.slope_known > 0.0 else off
+    learning = 1.0 + 2.0 * max(0.0, 1.0 - monitor.slope_known / WARM_UP)
+    allowance = _allowance(monitor, settings)
+    sigma = settings.acceleration_sigma
+    step, slow = off - monitor.baseline, off - monitor.slope
+    step_limit = max(settings.acceleration_step_limit, sigma * deviation(monitor.step_noise))
+    slow_limit = max(settings.acceleration_limit, sigma * deviation(monitor.slow_noise))
+    sudden, gradual = learning * step_limit + allowance, learning * slow_limit + allowance
+    check = monitor.check
+    # What jumped is held against a moment ago: the slope may have changed since its slow mean.
+    if abs(step) < sudden and abs(slow) / gradual > abs(step) / sudden:
+        jumped = abs(step) > JUMPED * abs(slow)
+        kind = Kind.OFFSET if jumped else Kind.RAMP
+        reference = monitor.baseline if jumped else monitor.slope
+        set_check(check, Ground.HOST_SPEED, slow, gradual, kind, reference)
+    else:
+        set_check(check, Ground.HOST_SPEED, step, sudden, Kind.OFFSET, monitor.baseline)
+    if monitor.leapt_for and not is_exceeded(check):
+        # No bump lasts, no manoeuvre leaps: what does both is seen before the filters say so.
+        least = least_beyond(monitor.jump, LASTING)
+        limit = LARGE * learning * step_limit + allowance - BURST * monitor.burst**0.5
+        if abs(least) > limit:
+            set_check(check, Ground.HOST_SPEED, least, limit, Kind.OFFSET, monitor.baseline)
+    if is_exceeded(check):
+        monitor.reference = check.reference
+    elif not monitor.confidence:
+        monitor.reference = np.nan
+        healthy = abs(step) < LEAST * step_limit
+        _learn(monitor, settings, off, jerk, step if healthy else np.nan, slow_limit)
+
+
+@inner
+def _allowance(monitor, settings):
+    """By how many m/s^2 a jerk or a shaking widens the limits."""
+    jerk = max(abs(jerk_of(monitor.speed)), monitor.speed.largest_jerk - SHARP_JERK)
+    allowance = settings.jerk_allowance * jerk + BURST * monitor.burst**0.5
+    # A sharp manoeuvre shows every lag that is not known; the accelerometer feels it first.
+    doubt = LAG_DOUBT * LAG_PRIOR / monitor.lag_square
+    allowance += doubt * max(jerk - CALM_JERK, 0.0)
+    if not monitor.leapt_for:
+        lag = settings.jerk_allowance + doubt
+        own = jerk_between(monitor.filtered, monitor.slow_filtered)
+        allowance += min(lag * max(abs(own) - CALM_JERK, 0.0), LAG_MOST)
+    return min(allowance, MOST_ALLOWANCE)
+
+
+@inner
+def _lag(monitor, settings):
+    """How much the speed lags behind the accelerometer, in s."""
+    if not settings.learn_noise:
+        return 0.0
+    return max(-LARGEST_LAG, min(LARGEST_LAG, monitor.lag_product / monitor.lag_square))
+
+
+@inner
+def _learn(monitor, settings, off, jerk, step, slow_limit):
+    """Slope, noise and lag, from a healthy step."""
+    _follow_baseline(monitor, off)
+    if abs(off) > STEEPEST or abs(jerk) > POSSIBLE_JERK:
+        return
+    monitor.slope_known += STEP_S
+    slow = off - monitor.slope
+    if monitor.slope_known < WARM_UP:
+        monitor.slope += STEP_S / monitor.slope_known * slow
+    else:
+        rate = settings.slope_rate
+        monitor.slope += STEP_S * max(-rate, min(rate, slow / SLOPE_TIME))
+    if monitor.ticks % 10:
+        return
+    if not isnan(step):
+        learn_noise(monitor.step_noise, step, 0.0)
+        learn_jump_noise(monitor.jump)
+    if abs(slow) < LEAST * slow_limit:
+        learn_noise(monitor.slow_noise, slow, 0.0)
+    moved = monitor.filtered - monitor.speed.derivative - monitor.baseline
+    monitor.lag_product += jerk * moved - monitor.lag_product / LAG_MEMORY
+    monitor.lag_square += jerk * jerk - (monitor.lag_square - LAG_PRIOR) / LAG_MEMORY
+
+
+@inner
+def _follow_baseline(monitor, off):
+    """What the difference was a moment ago."""
+    if isnan(monitor.baseline):
+        monitor.baseline = off
+    append(monitor.recent, off)
+    if is_full(monitor.recent):
+        monitor.baseline += BASE_SHARE * (at(monitor.recent, 0) - monitor.baseline)
+
+
+@inner
+def _still_off(monitor, settings, off):
+    """A faulty signal against what the difference was before the fault."""
+    residual = off - monitor.reference
+    monitor.off += 3.0 * STEP_S * (residual - monitor.off)
+    monitor.settled += 1
+    estimate_size(monitor, residual)
+    _follow_slope(monitor, settings, off)
+    least = LEAST if monitor.kind == Kind.OFFSET else settings.acceleration_limit
+    limit = max(0.5 * abs(monitor.off), least)
+    _follow_baseline(monitor, off)
+    step = (off - monitor.baseline) * (1.0 if monitor.off > 0 else -1.0)
+    back = step < -BACK * abs(monitor.off) and abs(monitor.off) > LEAST
+    monitor.back_for = monitor.back_for + 1 if back else 0
+    if monitor.back_for >= BACK_STEPS:
+        # What made the fault was undone; how the slope has changed meanwhile nobody knows.
+        monitor.settling = True
+    faded = abs(off - monitor.slope_before) < min(abs(residual), LEAST)
+    monitor.faded_for = monitor.faded_for + 1 if faded else 0
+    if monitor.faded_for >= FADED_STEPS:
+        # It was not the slope that changed: the jump faded.
+        monitor.reference = monitor.slope_before
+    left = 0.0 if monitor.settling else residual
+    set_check(monitor.check, Ground.HOST_SPEED, left, limit, monitor.kind, np.nan)
+
+
+@inner
+def _follow_slope(monitor, settings, off):
+    """A jump stays what it was; what changes slowly under it is the slope that is felt.
+
+    As long as it changes as a healthy signal may, the best that is known of the acceleration is
+    the measurement without the jump.
+    """
+    jumped = is_measured(monitor.jump) and not monitor.settling
+    still = jumped and not is_frozen(monitor.repetition, True) and not is_rough(monitor.roughness)
+    change = off - monitor.size - monitor.reference
+    limit = settings.acceleration_step_limit + _allowance(monitor, settings)
+    newest = newest_sample(monitor) - monitor.size - monitor.acceleration - monitor.reference
+    there = abs(newest) < THERE * abs(monitor.size)
+    steady = still and abs(change) < limit
+    monitor.corrected = steady and there
+    if steady:
+        rate = max(-LARGEST_RATE, min(LARGEST_RATE, change / UNDER_JUMP))
+        slope = monitor.reference + STEP_S * rate
+        least, most = monitor.slope_before - LARGEST_SLOPE, monitor.slope_before + LARGEST_SLOPE
+        monitor.reference = max(least, min(most, slope))

@@ -1,0 +1,50 @@
+"""How large the fault of an accelerometer is."""
+
+from math import sqrt
+
+from lfd_diagnosis.acceleration_jump import (
+    find_jump,
+    forget_jump,
+    is_measured,
+    jump_deviation,
+    jump_size,
+)
+from lfd_diagnosis.verdict import Kind
+from lfd_mpc.compiled import inner
+from lfd_mpc.settings import STEP_S
+
+JUMPED = 0.6
+"""Share of its difference from the slow mean that came within the last moment where it jumped."""
+
+SIZE_FROM, SIZE_TO = 30, 130
+"""Steps after conviction over which the size of a jump is averaged."""
+
+SLOPE_DRIFT, DRIFT_TIME, JUMP_TIME = 0.17, 4.0, 0.45
+"""What a road's slope makes of the difference: m/s^2 per square root of a second, for so long, and
+for so long until a jump has been measured."""
+
+
+@inner
+def find_size(monitor, off):
+    """Where it jumped, if that makes most of what it is off by (m/s^2)."""
+    jump = monitor.jump
+    find_jump(jump)
+    told = monitor.kind == Kind.OFFSET and jump.found
+    if not told or jump_size(jump) * off < JUMPED * off * off:
+        forget_jump(jump)
+
+
+@inner
+def estimate_size(monitor, residual):
+    """Of a jump just after it, when the slope has hardly changed; of others as they are now."""
+    if is_measured(monitor.jump):
+        monitor.size = jump_size(monitor.jump)
+        monitor.size_std = jump_deviation(monitor.jump)
+        return
+    settled = monitor.settled
+    if monitor.kind == Kind.RAMP or settled < SIZE_FROM:
+        monitor.size = monitor.off
+    elif settled <= SIZE_TO:
+        monitor.size += (residual - monitor.size) / (settled - SIZE_FROM + 1)
+    drift = SLOPE_DRIFT**2 * min(settled * STEP_S, JUMP_TIME)
+    monitor.size_std = sqrt(monitor.step_noise.variance + drift)

@@ -1,0 +1,187 @@
+"""What is known of the host's accelerometer: its samples, what they are held against, its fault."""
+
+import numpy as np
+
+from lfd_diagnosis.acceleration_jump import JUMP, restart_jump, start_jump
+from lfd_diagnosis.evidence import BECAUSE, CHECK, Ground
+from lfd_diagnosis.healthy_signal import (
+    LEARNT_NOISE,
+    REPETITION,
+    RING,
+    ROUGHNESS,
+    at,
+    restart_repetition,
+    restart_roughness,
+    share_of,
+    start_noise,
+    start_repetition,
+    start_ring,
+    start_roughness,
+)
+from lfd_diagnosis.host_speed import HOST_SPEED, restart_speed, start_speed
+from lfd_diagnosis.verdict import Kind
+from lfd_mpc.compiled import inner
+
+BASELINE, BASELINE_DELAY = 0.7, 30
+"""Time constant in s and delay in steps of what the difference was a moment ago."""
+
+BASE_SHARE = share_of(BASELINE)
+
+LAG_MEMORY, LAG_PRIOR = 1000, 40.0
+"""Samples that the lag is learnt over, and how much jerk (m^2/s^6) it takes to move it."""
+
+SHARP, SHARP_GAP = 8, 4
+"""Steps that are averaged before and after a jump, and steps between them."""
+
+SAMPLES = 2 * SHARP + SHARP_GAP
+"""Steps that are looked at for a jump."""
+
+RADAR_GONE = 30
+"""Steps for which the last relative acceleration stands in for one that is no longer known."""
+
+BEFORE_JUMP = 8
+"""Steps by which a jump may be noticed late."""
+
+ACCELERATION = np.dtype(
+    [
+        ("acceleration", "f8"),
+        # The samples.
+        ("last_at", "f8"),
+        ("fresh", "?"),
+        ("new_samples", "i8"),
+        ("samples", RING),
+        ("filtered", "f8"),
+        ("slow_filtered", "f8"),
+        ("before_jump", RING),
+        ("leapt_for", "i8"),
+        ("roughness", ROUGHNESS),
+        ("rough_for", "f8"),
+        ("burst", "f8"),
+        ("shaken", "?"),
+        ("repetition", REPETITION),
+        ("derivative_when_held", "f8"),
+        # What they are held against: the host's speed.
+        ("speed", HOST_SPEED),
+        ("lag_product", "f8"),
+        ("lag_square", "f8"),
+        ("slope", "f8"),
+        ("slope_known", "f8"),
+        ("slow_noise", LEARNT_NOISE),
+        ("baseline", "f8"),
+        ("recent", RING),
+        ("step_noise", LEARNT_NOISE),
+        ("jump", JUMP),
+        # Without it: the lead as observers and accelerometer see it, and its own word.
+        ("relative_now", "f8"),
+        ("relative_slow", "f8"),
+        ("relative", "f8"),
+        ("radar_gone", "i8"),
+        ("lead", "f8"),
+        ("lead_slow", "f8"),
+        ("lead_recent", RING),
+        ("own_slow", "f8"),
+        ("own_recent", RING),
+        ("jumped_for", "i8"),
+        ("jump_sign", "f8"),
+        ("before", "f8"),
+        ("report_off", "f8"),
+        ("report_noise", LEARNT_NOISE),
+        # The newest verdict.
+        ("ticks", "i8"),
+        ("check", CHECK),
+        ("confidence", "i8"),
+        # A fault, and what was there before it.
+        ("faulty", "?"),
+        ("kind", "i8"),
+        ("because", BECAUSE),
+        ("reference", "f8"),
+        ("slope_before", "f8"),
+        ("lead_reference", "f8"),
+        ("off", "f8"),
+        ("size", "f8"),
+        ("size_std", "f8"),
+        ("settled", "i8"),
+        ("corrected", "?"),
+        ("faded_for", "i8"),
+        ("back_for", "i8"),
+        ("settling", "?"),
+        ("agreeing", "f8"),
+    ],
+    align=True,
+)
+"""State of the acceleration signal; `acceleration` (m/s^2) is how the host really accelerates."""
+
+
+@inner
+def start_acceleration(monitor, settings):
+    """Begin with nothing."""
+    learn = settings.learn_noise
+    start_speed(monitor.speed, learn)
+    start_roughness(monitor.roughness, 64)
+    start_repetition(monitor.repetition, 8)
+    monitor.derivative_when_held = np.nan
+    start_noise(monitor.step_noise, 0.15, 0.03, 1.0, learn, 2000)
+    start_noise(monitor.slow_noise, 0.2, 0.05, 1.0, learn, 2000)
+    start_noise(monitor.report_noise, max(0.25, settings.lead_report_std), 0.1, 1.0, learn, 2000)
+    start_jump(monitor.jump, learn)
+    monitor.lag_product, monitor.lag_square = 0.0, LAG_PRIOR
+    monitor.ticks = 0
+    restart_acceleration(monitor)
+
+
+@inner
+def restart_acceleration(monitor):
+    """Nothing from before counts but what was learnt."""
+    monitor.check.ground = Ground.NONE
+    # It may be another road.
+    monitor.slope = monitor.slope_known = 0.0
+    forgive_acceleration(monitor)
+    restart_speed(monitor.speed)
+    restart_roughness(monitor.roughness)
+    restart_repetition(monitor.repetition)
+    monitor.last_at = -np.inf
+    monitor.fresh, monitor.new_samples = False, 0
+    monitor.filtered, monitor.burst = np.nan, 0.0
+    monitor.slow_filtered, monitor.leapt_for = np.nan, 0
+    start_ring(monitor.before_jump, BEFORE_JUMP)
+    start_ring(monitor.samples, SAMPLES)
+    monitor.lead = monitor.lead_slow = np.nan
+    start_ring(monitor.lead_recent, BASELINE_DELAY)
+    monitor.own_slow = np.nan
+    start_ring(monitor.own_recent, BASELINE_DELAY)
+    monitor.report_off = 0.0
+    monitor.relative_now = monitor.relative_slow = monitor.before = 0.0
+    monitor.relative, monitor.radar_gone = 0.0, RADAR_GONE
+    monitor.jumped_for, monitor.jump_sign = 0, 0.0
+    monitor.rough_for = 0.0
+    monitor.shaken = False
+    monitor.acceleration = 0.0
+
+
+@inner
+def forgive_acceleration(monitor):
+    """It is not faulty any more, and nothing is known of a fault."""
+    monitor.faulty, monitor.kind = False, Kind.UNKNOWN
+    monitor.because.ground = Ground.NONE
+    monitor.confidence, monitor.agreeing = 0, 0.0
+    monitor.reference = monitor.lead_reference = monitor.slope_before = np.nan
+    monitor.corrected, monitor.faded_for = False, 0
+    monitor.size = monitor.size_std = monitor.off = np.nan
+    monitor.settled = 0
+    forget_baseline(monitor)
+    # The way back is no noise.
+    restart_jump(monitor.jump)
+    monitor.back_for, monitor.settling = 0, False
+
+
+@inner
+def forget_baseline(monitor):
+    """What the difference was a moment ago is not known."""
+    monitor.baseline = np.nan
+    start_ring(monitor.recent, BASELINE_DELAY)
+
+
+@inner
+def newest_sample(monitor):
+    """The newest measurement in m/s^2, as it is."""
+    return at(monitor.samples, monitor.samples.count - 1)
