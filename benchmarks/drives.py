@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lfd_mpc.sampling import RADAR
+from lfd_mpc.samples import RADAR
 from lfd_replay.drive import Drive, make_drive
 from lfd_replay.generated.car_following import Driver, simulate
 from lfd_replay.generated.lead_profiles import Profile

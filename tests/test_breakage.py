@@ -36,7 +36,7 @@ from lfd_diagnosis.verdict import State
 from lfd_mpc.messages import from_time, to_time
 from lfd_mpc.mpc_node import INPUT_TOPICS
 from lfd_mpc.node_support import PIPELINE_QOS, READY_QOS
-from lfd_mpc.sampling import (
+from lfd_mpc.samples import (
     ACCELERATION,
     HOST_SPEED,
     RadarSample,

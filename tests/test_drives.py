@@ -9,7 +9,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import (
+from lfd_mpc.samples import (
     ACCELERATION,
     HOST_SPEED,
     LEAD_ACCELERATION,

@@ -19,7 +19,7 @@ from esr_frames import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
 from lfd_replay.import_drive import main_import

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lfd_diagnosis.verdict import State
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RadarSample, ScalarSample
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RadarSample, ScalarSample
 from lfd_replay.faults import FaultInjector, parse_faults, truth_windows
 from lfd_replay.score import SIGNALS, Timeline, score_sensor
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfd_mpc.sampling import RadarSample
+from lfd_mpc.samples import RadarSample
 from lfd_replay.recordings.lead_selection import CONFIRMED, PATIENCE_NS, LeadSelector, Track
 
 SCAN_NS = 50_000_000

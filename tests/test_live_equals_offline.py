@@ -3,7 +3,7 @@
 import pytest
 
 from lfd_bringup.recorder import RecorderNode
-from lfd_mpc.sampling import (
+from lfd_mpc.samples import (
     ACCELERATION,
     HOST_SPEED,
     LEAD_ACCELERATION,

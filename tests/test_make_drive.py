@@ -13,7 +13,7 @@ from scipy.signal import savgol_filter, welch
 
 from lfd_diagnosis.verdict import State
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR
 from lfd_mpc.settings import STEP_S
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command

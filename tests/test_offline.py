@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfd_mpc.sampling import HOST_SPEED
+from lfd_mpc.samples import HOST_SPEED
 from lfd_replay.drive_bag import write_drive
 from lfd_replay.evaluate import main_evaluate
 from lfd_replay.evaluate_many import journal_file

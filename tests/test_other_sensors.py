@@ -8,7 +8,7 @@ from functools import cache
 import pytest
 
 from lfd_diagnosis.verdict import Event, Kind, State
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, Sample
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, Sample
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.generated.generate import drive_truth, generate_drive
 from lfd_replay.offline import OfflineGraph

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from lfd_diagnosis.verdict import State
-from lfd_mpc.sampling import RADAR, playing_order
+from lfd_mpc.samples import RADAR, playing_order
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate

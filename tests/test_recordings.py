@@ -17,7 +17,7 @@ from test_esr import HOST_DBC, host_frames
 from test_live_equals_offline import play_live
 
 from lfd_diagnosis.verdict import State
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.import_drive import join_drive, main_import

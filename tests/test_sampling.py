@@ -6,15 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfd_mpc.sampling import (
-    ACCELERATION,
-    HOST_SPEED,
-    LEAD_ACCELERATION,
-    RadarSample,
-    Sampler,
-    ScalarSample,
-    StepInputs,
-)
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, LEAD_ACCELERATION, RadarSample, ScalarSample
+from lfd_mpc.sampling import Sampler, StepInputs
 
 MS = 1_000_000
 

@@ -11,7 +11,7 @@ from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
 
 from lfd_mpc.compiled import entry
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR
 from lfd_mpc.settings import MpcSettings
 from lfd_replay.faults import parse_faults
 from lfd_replay.generated.car_following import Truth

@@ -15,7 +15,8 @@ from lfd_diagnosis.fault_index import PredictionLimits
 from lfd_mpc.compiled import cache_folder
 from lfd_mpc.driving import DrivingMpc
 from lfd_mpc.horizon import first_horizon
-from lfd_mpc.sampling import Sample, Sampler
+from lfd_mpc.samples import Sample
+from lfd_mpc.sampling import Sampler
 from lfd_mpc.settings import MpcSettings
 from lfd_observer.prediction_store import PredictionStore
 from lfd_observer.sliding_mode_observer import SlidingModeObservers

@@ -18,7 +18,7 @@ from lfd_diagnosis.radar_signal import (
 )
 from lfd_diagnosis.travelled_path import DRIFT, TRAVELLED_PATH, clear_path, start_path, wander
 from lfd_mpc.compiled import inner
-from lfd_mpc.sampling import UNKNOWN_TRACK
+from lfd_mpc.samples import UNKNOWN_TRACK
 
 READY_SCANS, SETTLING = 3, 0.5
 """Scans of one target after which it is judged, and seconds in which one whose first scans

@@ -32,7 +32,7 @@ from lfd_diagnosis.radar_state import (
 )
 from lfd_diagnosis.travelled_path import LARGEST_GAP
 from lfd_mpc.compiled import inner
-from lfd_mpc.sampling import UNKNOWN_TRACK
+from lfd_mpc.samples import UNKNOWN_TRACK
 
 STANDS = 0.1
 """Share of the host's speed by which a relative velocity is off from that of what stands."""

@@ -19,17 +19,8 @@ from lfd_mpc.controller import (
     plan_inputs,
     roll_out,
 )
-from lfd_mpc.sampling import (
-    ACCELERATION,
-    STEP_INPUTS,
-    Sample,
-    Sampler,
-    ScalarSample,
-    is_due,
-    next_step,
-    restart_reason,
-    take_clock,
-)
+from lfd_mpc.samples import ACCELERATION, Sample, ScalarSample
+from lfd_mpc.sampling import STEP_INPUTS, Sampler, is_due, next_step, restart_reason, take_clock
 from lfd_mpc.settings import MpcSettings
 
 NOTHING = np.empty(0)

@@ -16,7 +16,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 
-from lfd_mpc.sampling import RadarSample
+from lfd_mpc.samples import RadarSample
 from lfd_msgs.msg import RadarTarget
 
 Record = TypeVar("Record")

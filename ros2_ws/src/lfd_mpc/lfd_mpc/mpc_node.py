@@ -29,7 +29,7 @@ from lfd_mpc.node_support import (
     declare_settings,
 )
 from lfd_mpc.qos_events import hearing, telling
-from lfd_mpc.sampling import (
+from lfd_mpc.samples import (
     ACCELERATION,
     HOST_SPEED,
     LEAD_ACCELERATION,

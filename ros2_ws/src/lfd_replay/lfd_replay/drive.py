@@ -7,7 +7,8 @@ from math import isfinite
 import numpy as np
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import ACCELERATION, AHEAD_NS, RADAR, RadarSample, Sample
+from lfd_mpc.samples import ACCELERATION, RADAR, RadarSample, Sample
+from lfd_mpc.sampling import AHEAD_NS
 
 
 @dataclass(frozen=True)

@@ -17,14 +17,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import (
-    ACCELERATION,
-    HOST_SPEED,
-    LEAD_ACCELERATION,
-    RADAR,
-    RadarSample,
-    Sample,
-)
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, LEAD_ACCELERATION, RADAR, RadarSample, Sample
 from lfd_replay.drive import Drive
 from lfd_replay.paths import share_folder
 from lfd_replay.recordings.can_log import HostSignals

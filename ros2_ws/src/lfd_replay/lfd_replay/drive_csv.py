@@ -6,7 +6,7 @@ from math import isfinite, nan
 from pathlib import Path
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import (
+from lfd_mpc.samples import (
     ACCELERATION,
     HOST_SPEED,
     LEAD_ACCELERATION,

@@ -13,7 +13,7 @@ from rich.progress import track
 
 from lfd_mpc.collector import without_collector
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import Sample
+from lfd_mpc.samples import Sample
 from lfd_replay.command_line import add_drive_options, print_table, result_table, warn
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command

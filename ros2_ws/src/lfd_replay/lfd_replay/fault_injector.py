@@ -20,7 +20,7 @@ from lfd_mpc.errors import UserError
 from lfd_mpc.mpc_node import INPUT_TOPICS, sensor_qos
 from lfd_mpc.node_process import run_node
 from lfd_mpc.node_support import PIPELINE_QOS, declare_settings
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RadarSample, Sample
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RadarSample, Sample
 from lfd_msgs.srv import InjectFault
 from lfd_replay.adapter_settings import InjectorSettings
 from lfd_replay.faults import Fault, FaultInjector, parse_faults

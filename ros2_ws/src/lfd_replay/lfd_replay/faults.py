@@ -14,7 +14,7 @@ from math import isfinite, nan
 import numpy as np
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
 
 SIGNALS = ("clearance", "relative_velocity", ACCELERATION, HOST_SPEED)
 RADAR_SIGNALS = SIGNALS[:2]

@@ -18,7 +18,7 @@ from sensor_msgs.msg import Imu
 
 from lfd_mpc.node_process import run_node
 from lfd_mpc.node_support import PIPELINE_QOS, declare_settings
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED
 from lfd_replay.adapter_settings import MountingSettings
 from lfd_replay.recordings.recorded_messages import MessageConverter
 from lfd_replay.sample_publishers import SamplePublishers

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, INPUTS
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, INPUTS
 from lfd_replay.command_line import warn
 from lfd_replay.drive import Drive, make_drive
 from lfd_replay.drive_bag import write_drive

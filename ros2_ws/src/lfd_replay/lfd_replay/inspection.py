@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lfd_mpc.sampling import (
+from lfd_mpc.samples import (
     ACCELERATION,
-    AHEAD_NS,
     HOST_SPEED,
     INPUTS,
     RADAR,
@@ -17,6 +16,7 @@ from lfd_mpc.sampling import (
     Sample,
     ScalarSample,
 )
+from lfd_mpc.sampling import AHEAD_NS
 from lfd_replay.drive_bag import open_bag
 from lfd_replay.read_drive import BAG_SUFFIXES
 

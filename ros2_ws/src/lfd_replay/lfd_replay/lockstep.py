@@ -19,7 +19,8 @@ from lfd_mpc.horizon import Horizon
 from lfd_mpc.messages import from_message
 from lfd_mpc.mpc_node import RECEIPTS_QOS, RECEIPTS_TOPIC
 from lfd_mpc.node_support import PIPELINE_QOS
-from lfd_mpc.sampling import Reading, Sample, Sampler, StepInputs
+from lfd_mpc.samples import Sample
+from lfd_mpc.sampling import Reading, Sampler, StepInputs
 from lfd_msgs.msg import (
     FaultReport,
     ObserverBank,

@@ -19,7 +19,8 @@ from lfd_diagnosis.verdict import Outcome
 from lfd_mpc.compiled import borrowing, entry, inner
 from lfd_mpc.errors import UserError
 from lfd_mpc.horizon import HORIZON, STATUS_TEXTS, Horizon, Mpc, Progress, mpc_step
-from lfd_mpc.sampling import Sample, push_sample, restart_reason, sample_array
+from lfd_mpc.samples import Sample, sample_array
+from lfd_mpc.sampling import push_sample, restart_reason
 from lfd_observer.bank import BankState, ObserverBank, bank_step
 from lfd_replay.profiles import GraphSettings
 

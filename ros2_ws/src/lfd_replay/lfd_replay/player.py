@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 from lfd_mpc.errors import UserError
 from lfd_mpc.messages import set_time
 from lfd_mpc.node_support import PIPELINE_QOS, READY_QOS, READY_TOPIC
-from lfd_mpc.sampling import Sample
+from lfd_mpc.samples import Sample
 from lfd_mpc.settings import STEP_NS
 from lfd_replay.drive import Drive, playing_times
 from lfd_replay.faults import Fault, FaultInjector

@@ -23,7 +23,7 @@ from sensor_msgs.msg import Imu
 from lfd_mpc.errors import UserError
 from lfd_mpc.node_process import run_node
 from lfd_mpc.node_support import PIPELINE_QOS, declare_settings
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR
 from lfd_replay.adapter_settings import RadarAdapterSettings
 from lfd_replay.recordings.can_log import CanDrive, HostSignals
 from lfd_replay.recordings.recorded_messages import (

@@ -10,7 +10,7 @@ import numpy as np
 
 from lfd_mpc.collector import without_collector
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, Sample, ScalarSample
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, Sample, ScalarSample
 from lfd_replay.drive import Drive, make_drive
 from lfd_replay.drive_bag import OPTIONS, Topics, read_bag_streams
 from lfd_replay.drive_csv import read_csv_streams

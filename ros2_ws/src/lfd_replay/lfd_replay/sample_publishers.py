@@ -6,14 +6,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu
 
 from lfd_mpc.messages import set_time
-from lfd_mpc.sampling import (
-    ACCELERATION,
-    HOST_SPEED,
-    LEAD_ACCELERATION,
-    RADAR,
-    RadarSample,
-    Sample,
-)
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, LEAD_ACCELERATION, RADAR, RadarSample, Sample
 from lfd_msgs.msg import RadarTarget
 
 

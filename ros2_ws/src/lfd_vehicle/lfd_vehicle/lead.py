@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import RadarSample
+from lfd_mpc.samples import RadarSample
 from lfd_mpc.settings import STEP_S
 from lfd_replay.drive import Drive
 from lfd_replay.generated.lead_profiles import NAMES, Change, Profile, lead_profile

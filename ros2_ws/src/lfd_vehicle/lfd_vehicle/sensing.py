@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from lfd_mpc.sampling import Sample, playing_order
+from lfd_mpc.samples import Sample, playing_order
 from lfd_mpc.settings import STEP_S
 from lfd_replay.generated.car_following import Truth
 from lfd_replay.generated.sensor_models import SensorSuite

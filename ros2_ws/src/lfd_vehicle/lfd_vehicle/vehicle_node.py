@@ -29,7 +29,7 @@ from lfd_mpc.node_support import (
     ReadyAnnouncer,
     declare_settings,
 )
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, Sample
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, Sample
 from lfd_mpc.settings import STEP_S, MpcSettings
 from lfd_msgs.msg import Decision, DrivingState, VehicleTruth
 from lfd_replay.faults import parse_faults

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import Sample
+from lfd_mpc.samples import Sample
 from lfd_mpc.settings import STEP_NS, STEP_S, MpcSettings
 from lfd_replay.faults import Fault, FaultInjector
 from lfd_replay.generated.sensor_models import SENSORS

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_diagnosis.verdict import SIGNALS
-from lfd_mpc.sampling import ACCELERATION, RADAR
+from lfd_mpc.samples import ACCELERATION, RADAR
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.fault_windows import PAPER
 from lfd_replay.faults import FaultInjector, parse_faults

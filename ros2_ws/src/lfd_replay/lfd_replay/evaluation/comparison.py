@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_diagnosis.verdict import State
-from lfd_mpc.sampling import Sample
+from lfd_mpc.samples import Sample
 from lfd_mpc.settings import STEP_S
 from lfd_replay.evaluation.cases import load_drive
 from lfd_replay.evaluation.cusum import Cusum, residuals

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from lfd_diagnosis.verdict import SIGNALS, State
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.trace import JUDGED, Trace
 from lfd_replay.score import intervals

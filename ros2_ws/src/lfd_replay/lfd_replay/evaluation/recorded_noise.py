@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, ScalarSample
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, ScalarSample
 from lfd_replay.drive import Drive, make_drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
 from lfd_replay.evaluation.recorded_tracks import recorded_tracks

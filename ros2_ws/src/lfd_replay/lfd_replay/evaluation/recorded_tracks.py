@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import ACCELERATION, RadarSample, Sample, playing_order
+from lfd_mpc.samples import ACCELERATION, RadarSample, Sample, playing_order
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from lfd_mpc.sampling import Sample
+from lfd_mpc.samples import Sample
 from lfd_replay.evaluation.detectors import PUBLISHED
 from lfd_replay.evaluation.trace import Trace, record_trace
 from lfd_replay.offline import OfflineGraph

@@ -27,7 +27,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample, ScalarSample
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample, ScalarSample
 from lfd_replay.generated.car_following import Truth
 
 Array = NDArray[np.float64]

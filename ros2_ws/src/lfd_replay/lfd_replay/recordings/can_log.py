@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, Sample, ScalarSample
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, Sample, ScalarSample
 from lfd_replay.recordings.esr import EsrDecoder, Scan, select_lead
 from lfd_replay.recordings.lead_selection import LeadSelector
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.sampling import ACCELERATION, HOST_SPEED, RADAR, Sample, ScalarSample
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, Sample, ScalarSample
 from lfd_replay.recordings.lead_selection import LeadSelector, Track
 from lfd_replay.recordings.recorded_messages import Mounting
 

@@ -12,7 +12,7 @@ from importlib.resources import files
 from math import cos, radians, sin
 from typing import TYPE_CHECKING, Any
 
-from lfd_mpc.sampling import RadarSample
+from lfd_mpc.samples import RadarSample
 from lfd_replay.recordings.lead_selection import LeadSelector, Track
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import nan
 
-from lfd_mpc.sampling import UNKNOWN_TRACK, RadarSample
+from lfd_mpc.samples import UNKNOWN_TRACK, RadarSample
 
 HALF_PATH = 1.8
 """Half the width of the host's path in m."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lfd_mpc.sampling import (
+from lfd_mpc.samples import (
     ACCELERATION,
     HOST_SPEED,
     LEAD_ACCELERATION,

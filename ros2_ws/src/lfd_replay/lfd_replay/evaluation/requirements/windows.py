@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_diagnosis.verdict import State
-from lfd_mpc.sampling import HOST_SPEED, LEAD_ACCELERATION, Sample, ScalarSample
+from lfd_mpc.samples import HOST_SPEED, LEAD_ACCELERATION, Sample, ScalarSample
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
 from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS, recorded_sensors_drive
