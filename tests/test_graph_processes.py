@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -185,6 +186,11 @@ class InACallback(Node):
         self.publisher.publish(String())
         print("the step is whole")
 
+class Running(Node):
+    def __init__(self):
+        super().__init__("running")
+        self.timer = self.create_timer(0.01, lambda: print("it runs", flush=True))
+
 class ByItself(Node):
     def __init__(self):
         super().__init__("wrong")
@@ -214,6 +220,24 @@ def test_a_node_that_is_stopped_ends_in_peace(name: str) -> None:
     busy = stopped(name, "InACallback")
     assert (busy.returncode, busy.stderr) == (0, "")
     assert busy.stdout == "the step is whole\n"
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_node_that_is_told_again_and_again_ends_in_peace(name: str) -> None:
+    """From a terminal and from `ros2 launch` at the same time, or by an impatient user."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", STOPPED.format(name=name, kind="Running")],
+        env={**os.environ, "ROS_DOMAIN_ID": str(next_domain())},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None and process.stdout.readline() == "it runs\n"
+    while process.poll() is None:
+        process.send_signal(getattr(signal, name))
+        time.sleep(0.005)
+    _, errors = process.communicate(timeout=30)
+    assert (process.returncode, errors) == (0, "")
 
 
 def test_a_mistake_of_a_nodes_own_is_no_peaceful_end() -> None:

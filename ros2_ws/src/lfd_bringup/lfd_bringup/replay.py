@@ -19,7 +19,7 @@ from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.verdict import Event, State
 from lfd_mpc.errors import UserError
 from lfd_mpc.mpc_node import MpcNode
-from lfd_mpc.node_process import deliver, make_executor
+from lfd_mpc.node_process import deliver, interruptible, make_executor
 from lfd_observer.observer_node import ObserverNode
 from lfd_replay.bag_player import add_play_options, play, play_options
 from lfd_replay.command_line import add_drive_options, print_table, result_table, warn
@@ -140,7 +140,8 @@ def main_replay(arguments: list[str], joined: float) -> int:
         if wall is not None:
             speed = player.total / wall
             console.print(f"played {player.total:.1f} s in {wall:.1f} s ({speed:.1f} x real time)")
-        _leave(options.out, drive, faults, recorder, console)
+        with interruptible():
+            _leave(options.out, drive, faults, recorder, console)
     except LockstepError as error:
         print(error, file=sys.stderr)
         return 1

@@ -29,7 +29,7 @@ from lfd_bringup.replay import (
 )
 from lfd_diagnosis.decision_node import DecisionNode
 from lfd_mpc.errors import UserError
-from lfd_mpc.node_process import deliver, make_executor, ros_started
+from lfd_mpc.node_process import deliver, interruptible, make_executor, ros_started
 from lfd_replay.command_line import print_table, result_table
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
@@ -128,7 +128,8 @@ def main_simulate(arguments: list[str]) -> int:
             ended = _run_to_the_end(vehicle, executor, recorder, console)
             wall, driven = time.monotonic() - started, vehicle.world.stamp * 1e-9
             console.print(f"drove {driven:.1f} s in {wall:.1f} s ({driven / wall:.1f} x real time)")
-            _leave(options.out, lead_text, recorder, faults, console)
+            with interruptible():
+                _leave(options.out, lead_text, recorder, faults, console)
             if vehicle.error is not None:
                 print(vehicle.error, file=sys.stderr)
                 return 2 if isinstance(vehicle.error, UserError) else 1

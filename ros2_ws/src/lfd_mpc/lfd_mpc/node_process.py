@@ -32,42 +32,36 @@ def make_executor(context: Context | None = None) -> Executor:
 
 
 class _Signals:
-    """SIGINT and SIGTERM, taken alike: a KeyboardInterrupt, but never one within a callback.
+    """SIGINT and SIGTERM, taken alike: a KeyboardInterrupt, one alone and never within a callback.
 
     The handlers of rclpy end the context in a thread of their own, while the main thread publishes
-    or leaves: the node then says that it failed, with a traceback, or aborts.
+    or leaves: the node then says that it failed, with a traceback, or aborts. So it does where a
+    second signal comes while what is made in C++ is taken down; whoever starts a graph from a
+    terminal sends two.
     """
 
     def __init__(self) -> None:
-        self._told = False
-        self._delivering = False
+        self.told = False
+        self.at_once = True
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        self._told = True
-        if not self._delivering:
+        self.told = True
+        if self.at_once:
+            self.at_once = False
             raise KeyboardInterrupt
 
     @contextmanager
     def taken(self) -> Iterator[None]:
-        """Signals come here until the end."""
-        self._told = False
+        """Signals come here until the end; once told, nothing comes to the end of the process."""
+        self.told, self.at_once = False, True
         numbers = (signal.SIGINT, signal.SIGTERM)
         before = {number: signal.signal(number, self) for number in numbers}
         try:
             yield
         finally:
             for number, handler in before.items():
-                signal.signal(number, handler)
-
-    def deliver(self, executor: Executor, seconds: float) -> None:
-        self._delivering = True
-        try:
-            if not self._told:
-                executor.spin_once(timeout_sec=seconds)
-        finally:
-            self._delivering = False
-        if self._told:
-            raise KeyboardInterrupt
+                # Python's own end gives signals that it handles back to the system.
+                signal.signal(number, signal.SIG_IGN if self.told else handler)
 
 
 _signals = _Signals()
@@ -78,7 +72,22 @@ def deliver(executor: Executor, seconds: float) -> None:
 
     Raises KeyboardInterrupt afterwards if the process was told to end, by SIGINT or SIGTERM.
     """
-    _signals.deliver(executor, seconds)
+    _signals.at_once = False
+    if not _signals.told:
+        executor.spin_once(timeout_sec=seconds)
+    if _signals.told:
+        raise KeyboardInterrupt
+    _signals.at_once = True
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Raises KeyboardInterrupt for a signal although there was one before."""
+    _signals.at_once = True
+    try:
+        yield
+    finally:
+        _signals.at_once = False
 
 
 def _refuse_pretended_security() -> None:
@@ -144,17 +153,27 @@ def run_node(load: Callable[[], Callable[[], Node]], args: list[str] | None = No
         return 0
     try:
         with joined(args):
-            with without_collector(stays=True):
-                node = load()()
-            try:
-                executor = make_executor()
-                executor.add_node(node)
-                while True:
-                    deliver(executor, 0.1)
-            finally:
-                node.destroy_node()
+            _spin(load)
     except UserError as error:
         print(error, file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        return 0
+        pass
+    return 0
+
+
+def _spin(load: Callable[[], Callable[[], Node]]) -> None:
+    """Returns when told to stop, and leaves nothing of ROS behind."""
+    try:
+        with without_collector(stays=True):
+            node = load()()
+        try:
+            executor = make_executor()
+            executor.add_node(node)
+            while True:
+                deliver(executor, 0.1)
+        finally:
+            node.destroy_node()
+    except KeyboardInterrupt:
+        # Here, and no later: it holds the executor.
+        return
