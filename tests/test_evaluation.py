@@ -1,7 +1,7 @@
 """The paper's evaluation: detectors set alike, faults spread over drives, results kept."""
 
 import json
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -37,7 +37,7 @@ from lfd_replay.evaluation.variants import LINEAR, SINGLE, variants
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.generated.generate import generate_drive
 from lfd_replay.generated.sensor_models import SENSORS
-from lfd_replay.journal import Journal, Task, run_tasks
+from lfd_replay.journal import Journal, Task, run_tasks, workers
 from lfd_replay.make_drive import main_make
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import graph_settings
@@ -250,7 +250,7 @@ def test_the_whole_evaluation_in_small(tmp_path: Path, monkeypatch) -> None:
         extent=plan.plain_extent(),
     )
     done: list[int] = []
-    with ProcessPoolExecutor(2) as pool:
+    with workers(2) as pool:
         found = campaign.evaluate_paper(
             small, SETTINGS, None, tmp_path, pool, lambda: done.append(1)
         )

@@ -9,7 +9,7 @@ import json
 import os
 import sys
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
 from itertools import product
 from math import inf
@@ -27,6 +27,7 @@ from lfd_replay.drawing.figure_page import table_html, write_page
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
 from lfd_replay.generated.lead_profiles import NORMAL
+from lfd_replay.journal import workers
 from lfd_replay.profiles import PROFILES, graph_settings
 from lfd_replay.score import score, timeline
 from lfd_replay.text_file import write_text
@@ -151,7 +152,7 @@ def cases(full: bool) -> list[Case]:
 def run_all(chosen: Sequence[Case], jobs: int, console: Console) -> list[dict[str, Any]]:
     """Run in processes, with one progress bar; in the order of the cases."""
     rows: list[dict[str, Any] | None] = [None] * len(chosen)
-    with ProcessPoolExecutor(jobs) as pool:
+    with workers(jobs) as pool:
         running = {pool.submit(run_case, case): number for number, case in enumerate(chosen)}
         done: Iterable = track(
             as_completed(running),

@@ -2,7 +2,7 @@
 
 import pickle
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor
 from pathlib import Path
 
 from lfd_replay.drawing.figure_files import write_figure
@@ -77,7 +77,7 @@ def write_evaluation_page(
     found: Evaluation,
     recorded: Path | None,
     folder: Path,
-    pool: ProcessPoolExecutor,
+    pool: Executor,
     done: Callable[[], None],
 ) -> Path:
     """Write `index.html` and `figures/` into a folder; returns the page's path."""
