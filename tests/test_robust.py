@@ -1027,6 +1027,22 @@ def test_a_clearance_that_wanders_tells_less_of_a_relative_velocity(car: Car) ->
     assert car.faults_since(start) - {"radar"} == {"relative_velocity"}
 
 
+def test_a_coasted_clearance_is_known_worse_as_the_radars_wander_goes_on(car: Car) -> None:
+    """The relative velocity carries it; what a healthy clearance would wander to is not seen."""
+    wanders = np.cumsum(car.random.normal(0.0, 0.04, 6000))
+    wanders -= np.convolve(wanders, np.ones(300) / 300, "same")
+    for k in range(4000):
+        car.step(clearance=wanders[k])
+    stds = [
+        car.step(clearance=wanders[k] + 4.0).reconstruction.clearance_std for k in range(4000, 4400)
+    ]
+    assert stds[-1] > 1.15 * stds[30]
+    calm = Car()
+    calm.drive(40.0)
+    stds = [calm.step(clearance=4.0).reconstruction.clearance_std for _ in range(400)]
+    assert stds[-1] < 1.5 * stds[30]
+
+
 @pytest.mark.parametrize("offset", [2.0, -1.5])
 def test_an_offset_of_a_steady_relative_velocity_stays_an_offset(offset) -> None:
     """Equal samples that began after the fault make no hold of it."""

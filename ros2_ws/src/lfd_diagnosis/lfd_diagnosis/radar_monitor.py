@@ -47,7 +47,7 @@ from lfd_diagnosis.radar_signal import (
 from lfd_diagnosis.radar_state import (
     SLOW,
     SLOW_STD,
-    VELOCITY_BIAS,
+    USUAL_BIAS,
     WANDER_TIME,
     WANDERING,
     is_either_held,
@@ -176,9 +176,9 @@ def _predict(radar, settings, host_acceleration, lead_acceleration):
     radar.time_while_held += STEP_S
     if clearance.faulty:
         clearance.coasted += STEP_S
-        track.cc += 2.0 * VELOCITY_BIAS**2 * clearance.coasted * STEP_S
-    else:
-        track.cc += STEP_S / WANDER_TIME * wander_of(radar, settings)
+        track.cc += 2.0 * USUAL_BIAS**2 * clearance.coasted * STEP_S
+    # A healthy clearance takes the track along; a faulty one would have wandered from it.
+    track.cc += STEP_S / WANDER_TIME * wander_of(radar, settings)
     if not radar.velocity.faulty:
         off = track.acceleration - radar.slow_acceleration
         radar.slow_acceleration += STEP_S / SLOW * off
@@ -364,7 +364,7 @@ def _take_bias(radar, settings, of_clearance):
     if of_clearance:
         radar.track.clearance += radar.clearance.bias
         radar.clearance.bias = 0.0
-        # Nor is it known where it has wandered to by then, and where it would wander to meanwhile.
+        # Nor is it known where it has wandered to by then.
         radar.track.cc += 2.0 * wander_of(radar, settings)
 
 

@@ -36,8 +36,9 @@ FIRST_PERIOD, PERIOD_SHARE, MISSED = 0.05, 0.1, 2.5
 """Seconds between two scans before any was seen, share of a new one in their average, and how many
 of them are a gap after which the same id may be another target's."""
 
-VELOCITY_BIAS = 0.02
-"""m/s by which the relative velocity may be off for good; a coasted clearance drifts with it."""
+VELOCITY_BIAS, USUAL_BIAS = 0.02, 0.012
+"""m/s by which the relative velocity may be off for good, and by which it usually is: a coasted
+clearance drifts with it."""
 
 WANDERING, WANDER_TIME = 4.0, 2.0
 """Scans for which a clearance stays where it wandered to: so much less it tells of a velocity; s in
