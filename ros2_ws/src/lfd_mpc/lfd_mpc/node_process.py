@@ -26,7 +26,7 @@ from lfd_mpc.errors import UserError
 def make_executor(context: Context | None = None) -> Executor:
     """The executor of all nodes: by events, a quarter of the cost of the one that polls.
 
-    Only `spin_once` with a finite timeout delivers messages and heeds signals.
+    Only `spin_once` with a finite timeout delivers messages; `deliver` does it, and heeds signals.
     """
     return EventsExecutor(context=context)
 
@@ -176,4 +176,4 @@ def _spin(load: Callable[[], Callable[[], Node]]) -> None:
             node.destroy_node()
     except KeyboardInterrupt:
         # Here, and no later: it holds the executor.
-        return
+        pass
