@@ -11,6 +11,7 @@ from lfd_diagnosis.radar_signal import (
     deviation_about,
     follow_agreement,
     forgive,
+    has_not_jumped_back,
     has_stopped,
     may_have_shifted,
     restart_agreement,
@@ -34,6 +35,10 @@ from lfd_mpc.compiled import inner
 PATH_SIGMA = 3.0
 """Deviations of the clearance's noise that a path may be off."""
 
+UNSEEN_TIME = 2.0
+"""Seconds for which a relative velocity that jumped away must agree if it was not seen to jump
+back: for a moment a coasted reference may come to meet it."""
+
 
 @inner
 def requalify(radar, settings, signal, measured, of_clearance, repeated):
@@ -44,7 +49,8 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
     if of_clearance:
         step -= track.velocity * period
     if not radar.lost:
-        level = returned_to(signal, repeated)
+        said = signal.residual if of_clearance else measured.value
+        level = returned_to(signal, said, repeated)
         if isfinite(level):
             _rebase(track, signal, measured.value - signal.residual + level, of_clearance)
         elif has_stopped(signal, measured.at, settings.requalify_time):
@@ -54,16 +60,20 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
     spread = deviation_about(signal, track.cc if of_clearance else track.vv)
     agreeing = follow_agreement(signal, period, step, spread, settings.gate_sigma)
     latch = settings.latch
+    needed = settings.clear_time
     if not of_clearance:
         _follow_agreed_path(radar, period)
         off_path, on_path = _hold_against_path(radar, settings)
         latch = latch and not on_path
+        if has_not_jumped_back(signal) and not on_path:
+            needed = max(needed, UNSEEN_TIME)
         if off_path:
             restart_agreement(signal)
             agreeing = False
     shifted = of_clearance and may_have_shifted(signal, settings.largest_shift)
     signal.doubted = agreeing and shifted
-    needed = settings.requalify_time if shifted else settings.clear_time
+    if shifted:
+        needed = settings.requalify_time
     agrees = agreeing and agrees_long_enough(signal, needed, latch)
     carried = of_clearance and radar.carried and not radar.velocity.faulty
     if carried and measured.at - radar.carried_since >= settings.requalify_time and not agrees:

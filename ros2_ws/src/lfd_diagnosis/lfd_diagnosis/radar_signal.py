@@ -98,9 +98,11 @@ RADAR_SIGNAL = np.dtype(
         ("agreed_scans", "f8"),
         ("came_back", "?"),
         ("at_once", "?"),
+        ("jumped_back", "?"),
         ("doubted", "?"),
         ("first", RING),
         ("recent", RING),
+        ("said", RING),
         ("history", "f8", (HISTORY, 2)),
         ("history_first", "i8"),
         ("history_count", "i8"),
@@ -110,7 +112,9 @@ RADAR_SIGNAL = np.dtype(
 """State of one signal; lengths in its own unit (m or m/s), times in s.
 
 `estimate` is how far a faulty signal is off its reference, `size` how far its fault put it,
-`at_once` whether that was undone from one scan to the next, `doubted` whether what agrees may have
+`recent` its newest residuals, `said` what it said then (a clearance: beyond the path travelled),
+`at_once` whether that was undone from one scan to the next since it agrees, `jumped_back` whether
+its last jump was that way, `doubted` whether what agrees may have
 shifted,
 `history` times and residuals of a drift.
 """
@@ -130,8 +134,9 @@ def start_signal(signal, floor, std, lowest, learn):
     signal.estimate = signal.size = np.nan
     start_ring(signal.first, FIRST)
     start_ring(signal.recent, BEFORE + AFTER)
+    start_ring(signal.said, BEFORE + AFTER)
     signal.history_count = signal.history_first = 0
-    signal.came_back = signal.at_once = False
+    signal.came_back = signal.at_once = signal.jumped_back = False
     signal.agreeing = 0.0
     restart_signal(signal)
     forgive(signal)
@@ -247,9 +252,10 @@ def convict(signal, kind, confidence):
     signal.estimate = signal.size = signal.residual
     if not signal.first.count:
         append(signal.first, signal.residual)
-    signal.came_back = signal.at_once = False
+    signal.came_back = signal.at_once = signal.jumped_back = False
     restart_agreement(signal)
     start_ring(signal.recent, BEFORE + AFTER)
+    start_ring(signal.said, BEFORE + AFTER)
     signal.history_first = signal.history_count = 0
 
 
@@ -305,7 +311,7 @@ def _levels(recent, before, after):
 
 
 @inner
-def returned_to(signal, repeated):
+def returned_to(signal, said, repeated):
     """Where it is now, off its reference, if the jump that made the fault was undone, whatever
     became of the reference; NaN if not: some scans lie as far off those before as the first ones
     did, the other way. Their median: the newest may be an outlier."""
@@ -314,6 +320,7 @@ def returned_to(signal, repeated):
     first, recent = signal.first, signal.recent
     if not repeated:
         append(recent, signal.residual)
+        append(signal.said, said)
     offset = 0.0
     for i in range(first.count):
         offset += at(first, i)
@@ -330,6 +337,10 @@ def returned_to(signal, repeated):
     jump, level, apart, seen = _levels(recent, before, after)
     if abs(jump + offset) >= tolerance or apart >= tolerance:
         return np.nan
+    # The reference itself may have jumped: one that is coasted follows the other signal's noise.
+    itself = _levels(signal.said, before, after)[0]
+    if -itself * offset < SEEN * offset * offset:
+        return np.nan
     # Against a reference that is known well, a line that was drawn wrong is no jump.
     if signal.tellable and -seen * offset < SEEN * offset * offset:
         return np.nan
@@ -340,6 +351,7 @@ def returned_to(signal, repeated):
     # What was undone is what it must be told from now.
     signal.estimate = signal.size = offset
     start_ring(recent, BEFORE + AFTER)
+    start_ring(signal.said, BEFORE + AFTER)
     signal.came_back = True
     restart_agreement(signal)
     return level
@@ -410,6 +422,7 @@ def follow_agreement(signal, period, step, spread, sigma):
     off = is_bad(signal) or abs(signal.residual) > bound
     if abs(step) > AT_ONCE * size:
         signal.at_once = True
+        signal.jumped_back = step * signal.size < 0.0
     if off:
         share = min(period / SIZE_TIME, 1.0)
         signal.estimate += share * (signal.residual - signal.estimate)
@@ -428,6 +441,12 @@ def follow_agreement(signal, period, step, spread, sigma):
     signal.agreed_scans += 1.0
     signal.agreeing += min(period, 0.2)
     return True
+
+
+@inner
+def has_not_jumped_back(signal):
+    """Whether what jumped away agrees again though it was not seen to jump back."""
+    return signal.kind == Kind.OFFSET and not (signal.jumped_back or signal.came_back)
 
 
 @inner
