@@ -165,6 +165,41 @@ def test_an_offset_of_one_signal_is_named_sized_and_over_with_it(car, fault, nam
     assert not car.faults_since(end)
 
 
+def test_a_reference_that_wanders_to_a_faulty_relative_velocity_does_not_end_its_fault(car) -> None:
+    """Coasted out of a clearance that wanders by 0.8 m, it meets what the signal says: no jump."""
+    off = {"relative_velocity": 1.0}
+    car.drive(1.0, **off)
+    start, reasons = car.number, set()
+    for wandered in (*range(80), *range(80, 0, -1)):
+        verdict = car.step(clearance=0.01 * wandered, **off).report.relative_velocity
+        assert verdict.state == State.FAULT
+        reasons.add(verdict.reason.rpartition("; ")[2])
+    assert "did not jump back: it must agree for 2 s" in reasons
+    assert car.drive(1.5).report.relative_velocity.state == State.OK, "the jump back was seen"
+    assert not car.faults_since(start)
+
+
+def test_a_reference_that_jumps_is_no_jump_back_of_the_signal() -> None:
+    car = Car(relative_velocity_floor=0.2)
+    car.drive(12.0)
+    car.drive(1.0, relative_velocity=0.5)
+    start = car.number
+    for _ in range(300):
+        verdict = car.step(relative_velocity=0.5, clearance=0.8).report.relative_velocity
+        assert verdict.state == State.FAULT
+    assert car.drive(1.5, clearance=0.8).report.relative_velocity.state == State.OK
+    assert not car.faults_since(start)
+
+
+def test_a_relative_velocity_that_fades_back_is_believed_though_nothing_jumped(car: Car) -> None:
+    car.drive(2.0, relative_velocity=1.5)
+    for left in range(100):
+        car.step(relative_velocity=0.015 * (100 - left))
+    end = car.number
+    assert car.drive(2.5).report.relative_velocity.state == State.OK
+    assert not car.faults_since(end)
+
+
 def test_radar_and_acceleration_at_once_are_all_named(car: Car) -> None:
     start = car.number
     car.drive(6.0, clearance=4.0, relative_velocity=-10.0, acceleration=4.0)

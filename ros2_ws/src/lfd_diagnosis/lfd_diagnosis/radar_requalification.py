@@ -60,7 +60,8 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
     spread = deviation_about(signal, track.cc if of_clearance else track.vv)
     agreeing = follow_agreement(signal, period, step, spread, settings.gate_sigma)
     latch = settings.latch
-    needed = settings.clear_time
+    shifted = of_clearance and may_have_shifted(signal, settings.largest_shift)
+    needed = settings.requalify_time if shifted else settings.clear_time
     if not of_clearance:
         _follow_agreed_path(radar, period)
         off_path, on_path = _hold_against_path(radar, settings)
@@ -70,10 +71,7 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
         if off_path:
             restart_agreement(signal)
             agreeing = False
-    shifted = of_clearance and may_have_shifted(signal, settings.largest_shift)
-    signal.doubted = agreeing and shifted
-    if shifted:
-        needed = settings.requalify_time
+    signal.must_agree = needed if agreeing and needed > settings.clear_time else 0.0
     agrees = agreeing and agrees_long_enough(signal, needed, latch)
     carried = of_clearance and radar.carried and not radar.velocity.faulty
     if carried and measured.at - radar.carried_since >= settings.requalify_time and not agrees:

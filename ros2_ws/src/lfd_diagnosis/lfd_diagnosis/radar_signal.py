@@ -99,7 +99,7 @@ RADAR_SIGNAL = np.dtype(
         ("came_back", "?"),
         ("at_once", "?"),
         ("jumped_back", "?"),
-        ("doubted", "?"),
+        ("must_agree", "f8"),
         ("first", RING),
         ("recent", RING),
         ("said", RING),
@@ -114,9 +114,8 @@ RADAR_SIGNAL = np.dtype(
 `estimate` is how far a faulty signal is off its reference, `size` how far its fault put it,
 `recent` its newest residuals, `said` what it said then (a clearance: beyond the path travelled),
 `at_once` whether that was undone from one scan to the next since it agrees, `jumped_back` whether
-its last jump was that way, `doubted` whether what agrees may have
-shifted,
-`history` times and residuals of a drift.
+its last jump was that way, `must_agree` for how long what agrees must go on where that is longer
+than usual, `history` times and residuals of a drift.
 """
 
 
@@ -264,7 +263,7 @@ def forgive(signal):
     """Healthy from now on."""
     signal.faulty, signal.kind = False, Kind.UNKNOWN
     signal.because.ground = 0
-    signal.confidence, signal.tellable, signal.doubted = 0, True, False
+    signal.confidence, signal.tellable, signal.must_agree = 0, True, 0.0
     start_ring(signal.first, FIRST)
 
 

@@ -137,9 +137,8 @@ def _radar_signal(
     reason += f"; now {now}"
     if not evidence.tellable:
         return f"{reason}; can no longer be told from a healthy signal"
-    if evidence.doubted:
-        needed = settings.requalify_time
-        return f"{reason}; did not jump back: it must agree for {needed:g} s"
+    if evidence.must_agree:
+        return f"{reason}; did not jump back: it must agree for {evidence.must_agree:g} s"
     return reason
 
 

@@ -58,7 +58,7 @@ RADAR_EVIDENCE = np.dtype(
         ("outliers", "i8"),
         ("because", BECAUSE),
         ("tellable", "?"),
-        ("doubted", "?"),
+        ("must_agree", "f8"),
     ],
     align=True,
 )
@@ -211,7 +211,7 @@ def _judge_signal(
     _say(verdict, state, kind, index, signal.confidence, threshold, size, size_std)
     evidence.residual, evidence.limit, evidence.age = signal.residual, signal.limit, age
     evidence.outliers, evidence.because = signal.outliers, signal.because
-    evidence.tellable, evidence.doubted = signal.tellable, signal.doubted
+    evidence.tellable, evidence.must_agree = signal.tellable, signal.must_agree
 
 
 @inner

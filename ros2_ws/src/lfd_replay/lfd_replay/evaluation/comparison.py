@@ -38,7 +38,11 @@ Array = NDArray[np.float64]
 
 AS_PUBLISHED = "paper, as published"
 
-SMOOTH_RADAR: dict[str, float] = {"clearance_floor": 0.5, "largest_shift": 0.0}
+SMOOTH_RADAR: dict[str, float] = {
+    "clearance_floor": 0.3,
+    "relative_velocity_floor": 0.2,
+    "largest_shift": 0.0,
+}
 """What the robust profile is set to where radars never step from one part of a car to another, as
 generated ones do not: no false event on the normal drives of even seeds."""
 
