@@ -334,14 +334,18 @@ def _suspect(radar, settings, signal, of_clearance):
     """Whether a signal that was healthy still is."""
     if radar.leap.waits:
         return
+    stuck = settings.check_repetition and is_stuck(radar, settings, signal, of_clearance)
     if signal.confidence >= settings.scan_confidence_threshold:
         explainable = of_clearance and is_explainable(radar.path)
-        if explainable and _is_gradual(radar, settings):
+        gradual = explainable and _is_gradual(radar, settings)
+        growing = explainable and _is_growing(radar, settings)
+        if stuck and (gradual or growing):
+            _convict_stuck(radar, settings, signal, of_clearance)
+        elif gradual:
             if abs(signal.residual) > settings.drift_limit:
                 _explain(radar, settings, signal.residual, signal.limit)
-        elif explainable and _is_growing(radar, settings):
-            pass  # The path will tell what it is.
-        else:
+        elif is_bad(signal) and not growing:
+            # What grows is left to the path; what waited for it and came back was none.
             give_ground(signal.because, Ground.RESIDUAL, signal.residual, signal.limit, 0.0)
             _convict(radar, settings, signal, Kind.OFFSET)
             _take_bias(radar, settings, of_clearance)
@@ -350,11 +354,16 @@ def _suspect(radar, settings, signal, of_clearance):
         give_ground(signal.because, Ground.ROUGHNESS, rough_share(signal.roughness), 0.0, 0.0)
         _convict(radar, settings, signal, Kind.NOISE)
         _take_bias(radar, settings, of_clearance)
-    elif settings.check_repetition and is_stuck(radar, settings, signal, of_clearance):
-        kind = Kind.ZERO if signal.last == 0.0 else Kind.HOLD
-        give_ground(signal.because, Ground.REPETITION, signal.repetition.run + 1, 0.0, 0.0)
-        _convict(radar, settings, signal, kind)
-        _take_bias(radar, settings, of_clearance)
+    elif stuck:
+        _convict_stuck(radar, settings, signal, of_clearance)
+
+
+@inner
+def _convict_stuck(radar, settings, signal, of_clearance):
+    kind = Kind.ZERO if signal.last == 0.0 else Kind.HOLD
+    give_ground(signal.because, Ground.REPETITION, signal.repetition.run + 1, 0.0, 0.0)
+    _convict(radar, settings, signal, kind)
+    _take_bias(radar, settings, of_clearance)
 
 
 @inner
