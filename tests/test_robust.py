@@ -313,6 +313,37 @@ def test_a_signal_that_repeats_itself_is_named(car: Car, signal: str, kind: Kind
     assert getattr(report, signal).kind == kind
 
 
+@pytest.mark.parametrize("velocity", [1.0, -1.0, 0.6])
+def test_a_held_clearance_is_told_where_a_radar_has_narrow_limits_too(velocity: float) -> None:
+    """It leaves them gradually, as a drift does; the path would take a second longer to tell."""
+    car = Car(clearance_floor=0.3, largest_shift=0.0)
+    car.drive(12.0)
+    car.lead_acceleration = velocity
+    car.drive(1.0)
+    car.lead_acceleration = 0.0
+    car.drive(1.0)
+    start, held = car.number, car.clearance
+    verdict = car.drive(1.5, clearance_is=held).report.clearance
+    assert car.faults_since(start) - {"radar"} == {"clearance"} and verdict.kind == Kind.HOLD
+    assert car.delay("clearance", start) <= 0.5 / abs(velocity) + 0.05
+
+
+@pytest.mark.parametrize(
+    ("floor", "peak", "slope"), [(1.3, 2.0, 2.0), (1.3, 2.0, 4.0), (0.3, 0.6, 1.0)]
+)
+def test_what_leaves_its_limits_gradually_and_comes_back_at_once_is_no_offset(
+    floor: float, peak: float, slope: float
+) -> None:
+    car = Car(clearance_floor=floor)
+    car.drive(12.0)
+    start = car.number
+    for k in range(round(100 * peak / slope)):
+        car.step(clearance=0.01 * slope * (k - k % SCAN))
+    assert car.outcomes[-1].report.clearance.state == State.SUSPECT
+    assert car.drive(2.0).report.clearance.state == State.OK
+    assert not car.faults_since(start)
+
+
 def test_noise_of_one_sensor_is_a_fault_and_a_bad_road_is_none(car: Car) -> None:
     random = Random(2)
     start = car.number
