@@ -341,6 +341,9 @@ def _suspect(radar, settings, signal, of_clearance):
         growing = explainable and _is_growing(radar, settings)
         if stuck and (gradual or growing):
             _convict_stuck(radar, settings, signal, of_clearance)
+        elif of_clearance and _shifts_without_path(radar, settings):
+            set_clearance(radar.track, radar.measured_clearance.value, CLEARANCE_STD**2)
+            acquit(signal)
         elif gradual:
             if abs(signal.residual) > settings.drift_limit:
                 _explain(radar, settings, signal.residual, signal.limit)
@@ -356,6 +359,14 @@ def _suspect(radar, settings, signal, of_clearance):
         _take_bias(radar, settings, of_clearance)
     elif stuck:
         _convict_stuck(radar, settings, signal, of_clearance)
+
+
+@inner
+def _shifts_without_path(radar, settings):
+    """Whether the clearance goes over to another part of the car, as far as can be told behind a
+    relative velocity that is faulty and makes no path: little by little, and not too far."""
+    off = abs(radar.clearance.residual)
+    return radar.velocity.faulty and off <= settings.largest_shift and _is_gradual(radar, settings)
 
 
 @inner
