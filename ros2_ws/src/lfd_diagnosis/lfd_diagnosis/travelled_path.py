@@ -250,7 +250,7 @@ def explain_drift(path, settings, excess, held, noise, drift):
 
     A clearance that drifts leaves the path in a straight line; a relative velocity that drifts
     bends it; a step of the velocity, too small for its own limits, leaves a straight line, but
-    was seen as a step. A clearance that went over to another level at once is a radar that sees
+    was seen as a step, or began before the path did. A clearance that went over to another level at once is a radar that sees
     another part of the car, unless no car is that long. `excess`: drift over its limit; `held`: the
     clearance repeats itself; `noise`: variance of the clearance's, in m^2.
     """
@@ -284,6 +284,10 @@ def explain_drift(path, settings, excess, held, noise, drift):
         return
     if bend_error < line_error:
         _tell(drift, False, Kind.RAMP, 2.0 * bend_slope * bend_onset)
+        return
+    if line_onset - times[0] <= STEP_SEARCH and abs(line_slope) > settings.relative_velocity_floor:
+        # Off from the first scan of a target on: a step that nobody could see. Drifts are slower.
+        _tell(drift, False, Kind.OFFSET, -line_slope)
         return
     for i in range(n):
         near = abs(times[i] - line_onset) <= STEP_SEARCH
