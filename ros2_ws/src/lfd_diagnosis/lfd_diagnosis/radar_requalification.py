@@ -5,7 +5,7 @@ from math import isfinite, sqrt
 import numpy as np
 
 from lfd_diagnosis.healthy_signal import deviation, resolution_of
-from lfd_diagnosis.lead_track import set_clearance, set_velocity
+from lfd_diagnosis.lead_track import believe, set_clearance, set_velocity
 from lfd_diagnosis.radar_signal import (
     agrees_long_enough,
     deviation_about,
@@ -35,6 +35,10 @@ from lfd_mpc.compiled import inner
 PATH_SIGMA = 3.0
 """Deviations of the clearance's noise that a path may be off."""
 
+SAID_STD = 0.3
+"""How well the lead's acceleration is known by what a relative velocity said before it jumped back,
+in m/s^2."""
+
 UNSEEN_TIME = 2.0
 """Seconds for which a relative velocity that jumped away must agree if it was not seen to jump
 back: for a moment a coasted reference may come to meet it."""
@@ -50,9 +54,12 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
         step -= track.velocity * period
     if not radar.lost:
         said = signal.residual if of_clearance else measured.value
-        level = returned_to(signal, said, repeated)
+        level, rise = returned_to(signal, said, repeated)
         if isfinite(level):
             _rebase(track, signal, measured.value - signal.residual + level, of_clearance)
+            if not of_clearance:
+                # What was wrong about it stayed the same: how it rose was right all along.
+                believe(track, rise / radar.period + radar.host, SAID_STD)
         elif has_stopped(signal, measured.at, settings.requalify_time):
             _rebase(track, signal, measured.value, of_clearance)
             forgive(signal)

@@ -286,8 +286,8 @@ def classify(signal, should_have_changed):
 @inner
 def _levels(recent, before, after):
     """By how much the newest residuals lie off the line through those before, where they lie, how
-    far apart, and off the last ones; medians, so that single outliers on either side do not
-    count."""
+    far apart, off the last ones, and by how much they rose before from one to the next; medians,
+    so that single outliers on either side do not count."""
     first = recent.count - before - after
     old, new = np.empty(before), np.empty(after)
     rises = np.empty(before * (before - 1) // 2)
@@ -304,18 +304,19 @@ def _levels(recent, before, after):
     # A later one may be an outlier itself, the first one may be from before the jump.
     off = np.abs(new - level)
     apart = max(off[0], np.sort(off)[after - 2])
-    scans = 0.5 * (before + after)
-    jump = level - (np.median(old) + scans * np.median(rises))
-    return jump, level, apart, level - np.median(old[-LAST:])
+    scans, rise = 0.5 * (before + after), np.median(rises)
+    jump = level - (np.median(old) + scans * rise)
+    return jump, level, apart, level - np.median(old[-LAST:]), rise
 
 
 @inner
 def returned_to(signal, said, repeated):
     """Where it is now, off its reference, if the jump that made the fault was undone, whatever
-    became of the reference; NaN if not: some scans lie as far off those before as the first ones
-    did, the other way. Their median: the newest may be an outlier."""
+    became of the reference, and how much it rose before from scan to scan; NaN if not: some scans
+    lie as far off those before as the first ones did, the other way. Their median: the newest may
+    be an outlier."""
     if signal.kind != Kind.OFFSET:
-        return np.nan
+        return np.nan, np.nan
     first, recent = signal.first, signal.recent
     if not repeated:
         append(recent, signal.residual)
@@ -332,17 +333,17 @@ def returned_to(signal, said, repeated):
     tolerance = max(TOLERANCE * abs(offset), 0.5 * signal.floor, doubt)
     told = doubt <= MOST_DOUBT * abs(offset) and tolerance < abs(offset)
     if recent.count < before + after or not told:
-        return np.nan
-    jump, level, apart, seen = _levels(recent, before, after)
+        return np.nan, np.nan
+    jump, level, apart, seen, _ = _levels(recent, before, after)
     if abs(jump + offset) >= tolerance or apart >= tolerance:
-        return np.nan
+        return np.nan, np.nan
     # The reference itself may have jumped: one that is coasted follows the other signal's noise.
-    itself = _levels(signal.said, before, after)[0]
+    itself, _, _, _, rise = _levels(signal.said, before, after)
     if -itself * offset < SEEN * offset * offset:
-        return np.nan
+        return np.nan, np.nan
     # Against a reference that is known well, a line that was drawn wrong is no jump.
     if signal.tellable and -seen * offset < SEEN * offset * offset:
-        return np.nan
+        return np.nan, np.nan
     largest = 0.0
     for i in range(recent.count - before - after + 1, recent.count):
         largest = max(largest, abs(at(recent, i) - at(recent, i - 1)))
@@ -353,7 +354,7 @@ def returned_to(signal, said, repeated):
     start_ring(signal.said, BEFORE + AFTER)
     signal.came_back = True
     restart_agreement(signal)
-    return level
+    return level, rise
 
 
 @inner
