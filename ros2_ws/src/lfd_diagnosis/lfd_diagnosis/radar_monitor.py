@@ -336,16 +336,16 @@ def _suspect(radar, settings, signal, of_clearance):
         return
     stuck = settings.check_repetition and is_stuck(radar, settings, signal, of_clearance)
     if signal.confidence >= settings.scan_confidence_threshold:
-        explainable = of_clearance and is_explainable(radar.path)
-        gradual = explainable and _is_gradual(radar, settings)
-        growing = explainable and _is_growing(radar, settings)
+        has_path = of_clearance and radar.path.count > 0
+        gradual = has_path and _is_gradual(radar, settings)
+        growing = has_path and _is_growing(radar, settings)
         if stuck and (gradual or growing):
             _convict_stuck(radar, settings, signal, of_clearance)
         elif of_clearance and _shifts_without_path(radar, settings):
             set_clearance(radar.track, radar.measured_clearance.value, CLEARANCE_STD**2)
             acquit(signal)
         elif gradual:
-            if abs(signal.residual) > settings.drift_limit:
+            if abs(signal.residual) > settings.drift_limit and is_explainable(radar.path):
                 _explain(radar, settings, signal.residual, signal.limit)
         elif is_bad(signal) and not growing:
             # What grows is left to the path; what waited for it and came back was none.
