@@ -33,7 +33,7 @@ from lfd_diagnosis.lead_track import (
     set_clearance,
     set_velocity,
 )
-from lfd_diagnosis.radar_requalification import look_for_agreement, requalify
+from lfd_diagnosis.radar_requalification import look_for_agreement, rebase, requalify
 from lfd_diagnosis.radar_signal import (
     acquit,
     classify,
@@ -94,6 +94,9 @@ CORRELATION = 3.0
 GRADUAL, GROWN = 0.9, 0.75
 """Share of its limit by which the first bad residual lies beyond the last good one at most where it
 came on gradually; share of the present residual that the first bad one is where it still grows."""
+
+SAME_SCAN = 1.5
+"""Scans before the newest one in which both signals jumped if they did so at once."""
 
 CLEARANCE_STD, VELOCITY_STD = 0.22, 0.3
 """How well a track is known, in m and m/s, that a contradiction was explained with."""
@@ -347,6 +350,10 @@ def _suspect(radar, settings, signal, of_clearance):
         elif gradual:
             if abs(signal.residual) > settings.drift_limit and is_explainable(radar.path):
                 _explain(radar, settings, signal.residual, signal.limit)
+        elif is_bad(signal) and _came_back_with_the_other(radar, signal, of_clearance):
+            measured = radar.measured_clearance if of_clearance else radar.measured_velocity
+            rebase(radar.track, signal, measured.value, of_clearance)
+            acquit(signal)
         elif is_bad(signal) and not growing:
             # What grows is left to the path; what waited for it and came back was none.
             give_ground(signal.because, Ground.RESIDUAL, signal.residual, signal.limit, 0.0)
@@ -367,6 +374,14 @@ def _shifts_without_path(radar, settings):
     relative velocity that is faulty and makes no path: little by little, and not too far."""
     off = abs(radar.clearance.residual)
     return radar.velocity.faulty and off <= settings.largest_shift and _is_gradual(radar, settings)
+
+
+@inner
+def _came_back_with_the_other(radar, signal, of_clearance):
+    """Whether it jumped as the fault of the other signal ended: that of a radar, whose beginning
+    nobody saw in this one."""
+    other = radar.velocity if of_clearance else radar.clearance
+    return other.faulty and signal.last_at - other.jumped_back_at <= SAME_SCAN * radar.period
 
 
 @inner

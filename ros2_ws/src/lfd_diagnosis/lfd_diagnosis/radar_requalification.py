@@ -56,12 +56,12 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
         said = signal.residual if of_clearance else measured.value
         level, rise = returned_to(signal, said, repeated)
         if isfinite(level):
-            _rebase(track, signal, measured.value - signal.residual + level, of_clearance)
+            rebase(track, signal, measured.value - signal.residual + level, of_clearance)
             if not of_clearance:
                 # What was wrong about it stayed the same: how it rose was right all along.
                 believe(track, rise / radar.period + radar.host, SAID_STD)
         elif has_stopped(signal, measured.at, settings.requalify_time):
-            _rebase(track, signal, measured.value, of_clearance)
+            rebase(track, signal, measured.value, of_clearance)
             forgive(signal)
             return
     spread = deviation_about(signal, track.cc if of_clearance else track.vv)
@@ -83,7 +83,7 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
     carried = of_clearance and radar.carried and not radar.velocity.faulty
     if carried and measured.at - radar.carried_since >= settings.requalify_time and not agrees:
         # Nothing else would tell that it ended in between.
-        _rebase(track, signal, measured.value, of_clearance)
+        rebase(track, signal, measured.value, of_clearance)
         agrees = True
     if radar.lost:
         # A new target: its own agreement with itself must do, but for longer.
@@ -131,8 +131,8 @@ def _hold_against_path(radar, settings):
 
 
 @inner
-def _rebase(track, signal, measured, of_clearance):
-    """The jump that made a fault was undone: the signal is the reference again."""
+def rebase(track, signal, measured, of_clearance):
+    """The jump that made a fault was undone: the signal is the reference again, as it says now."""
     if of_clearance:
         set_clearance(track, measured, signal.noise.variance)
     else:

@@ -98,7 +98,7 @@ RADAR_SIGNAL = np.dtype(
         ("agreed_scans", "f8"),
         ("came_back", "?"),
         ("at_once", "?"),
-        ("jumped_back", "?"),
+        ("jumped_back_at", "f8"),
         ("must_agree", "f8"),
         ("first", RING),
         ("recent", RING),
@@ -113,8 +113,8 @@ RADAR_SIGNAL = np.dtype(
 
 `estimate` is how far a faulty signal is off its reference, `size` how far its fault put it,
 `recent` its newest residuals, `said` what it said then (a clearance: beyond the path travelled),
-`at_once` whether that was undone from one scan to the next since it agrees, `jumped_back` whether
-its last jump was that way, `must_agree` for how long what agrees must go on where that is longer
+`at_once` whether that was undone from one scan to the next since it agrees, `jumped_back_at` when
+its last jump was if it was that way, `must_agree` for how long what agrees must go on where that is longer
 than usual, `history` times and residuals of a drift.
 """
 
@@ -135,7 +135,8 @@ def start_signal(signal, floor, std, lowest, learn):
     start_ring(signal.recent, BEFORE + AFTER)
     start_ring(signal.said, BEFORE + AFTER)
     signal.history_count = signal.history_first = 0
-    signal.came_back = signal.at_once = signal.jumped_back = False
+    signal.came_back = signal.at_once = False
+    signal.jumped_back_at = np.nan
     signal.agreeing = 0.0
     restart_signal(signal)
     forgive(signal)
@@ -251,7 +252,8 @@ def convict(signal, kind, confidence):
     signal.estimate = signal.size = signal.residual
     if not signal.first.count:
         append(signal.first, signal.residual)
-    signal.came_back = signal.at_once = signal.jumped_back = False
+    signal.came_back = signal.at_once = False
+    signal.jumped_back_at = np.nan
     restart_agreement(signal)
     start_ring(signal.recent, BEFORE + AFTER)
     start_ring(signal.said, BEFORE + AFTER)
@@ -422,7 +424,8 @@ def follow_agreement(signal, period, step, spread, sigma):
     off = is_bad(signal) or abs(signal.residual) > bound
     if abs(step) > AT_ONCE * size:
         signal.at_once = True
-        signal.jumped_back = step * signal.size < 0.0
+        back = step * signal.size < 0.0
+        signal.jumped_back_at = signal.last_at + period if back else np.nan
     if off:
         share = min(period / SIZE_TIME, 1.0)
         signal.estimate += share * (signal.residual - signal.estimate)
@@ -446,7 +449,8 @@ def follow_agreement(signal, period, step, spread, sigma):
 @inner
 def has_not_jumped_back(signal):
     """Whether what jumped away agrees again though it was not seen to jump back."""
-    return signal.kind == Kind.OFFSET and not (signal.jumped_back or signal.came_back)
+    back = signal.came_back or isfinite(signal.jumped_back_at)
+    return signal.kind == Kind.OFFSET and not back
 
 
 @inner
