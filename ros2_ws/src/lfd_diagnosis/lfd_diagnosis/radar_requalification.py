@@ -8,6 +8,7 @@ from lfd_diagnosis.healthy_signal import deviation, resolution_of
 from lfd_diagnosis.lead_track import believe, set_clearance, set_velocity
 from lfd_diagnosis.radar_signal import (
     agrees_long_enough,
+    came_back_and_shifts,
     deviation_about,
     follow_agreement,
     forgive,
@@ -60,6 +61,8 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
             if not of_clearance:
                 # What was wrong about it stayed the same: how it rose was right all along.
                 believe(track, rise / radar.period + radar.host, SAID_STD)
+        elif of_clearance and came_back_and_shifts(signal, step, settings.largest_shift):
+            rebase(track, signal, measured.value, of_clearance)
         elif has_stopped(signal, measured.at, settings.requalify_time):
             rebase(track, signal, measured.value, of_clearance)
             forgive(signal)

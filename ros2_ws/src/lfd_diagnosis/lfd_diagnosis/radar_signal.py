@@ -461,6 +461,14 @@ def may_have_shifted(signal, largest):
 
 
 @inner
+def came_back_and_shifts(signal, step, largest):
+    """Whether a clearance that jumped back goes over to another part of the car now, `step` m since
+    the scan before: by `largest` m at most, and less than its fault jumped."""
+    jumps = abs(step) > AT_ONCE * _largest_jump(signal)
+    return signal.came_back and not jumps and abs(signal.residual) <= largest
+
+
+@inner
 def agrees_by_now(signal):
     """Whether a faulty signal seems to be over its fault, though it has not agreed for long."""
     return signal.agreeing > 0.0 and (signal.tellable or signal.came_back)
