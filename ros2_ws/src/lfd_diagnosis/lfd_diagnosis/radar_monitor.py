@@ -35,6 +35,7 @@ from lfd_diagnosis.lead_track import (
 )
 from lfd_diagnosis.radar_requalification import look_for_agreement, rebase, requalify
 from lfd_diagnosis.radar_signal import (
+    GRADUAL,
     acquit,
     classify,
     convict,
@@ -91,9 +92,8 @@ LEANING, LEANS = 3, 2.0
 CORRELATION = 3.0
 """Seconds over which the lead's acceleration is known when it is not measured."""
 
-GRADUAL, GROWN = 0.9, 0.75
-"""Share of its limit by which the first bad residual lies beyond the last good one at most where it
-came on gradually; share of the present residual that the first bad one is where it still grows."""
+GROWN = 0.75
+"""Share of the present residual that the first bad one is where it still grows."""
 
 SAME_SCAN = 1.5
 """Scans before the newest one in which both signals jumped if they did so at once."""

@@ -50,6 +50,10 @@ SIZE_TIME, CHANGED = 0.3, 0.5
 TOLERANCE, MOST_DOUBT = 0.3, 0.6
 """Share of a jump by which the jump back may differ from it, and share that noise may be of it."""
 
+GRADUAL = 0.9
+"""Share of its limit that a signal which leaves it little by little goes at most from one scan to
+the next."""
+
 AT_ONCE = 0.5
 """Share of a jump that must be undone from one scan to the next if it is to be undone at once."""
 
@@ -463,9 +467,9 @@ def may_have_shifted(signal, largest):
 @inner
 def came_back_and_shifts(signal, step, largest):
     """Whether a clearance that jumped back goes over to another part of the car now, `step` m since
-    the scan before: by `largest` m at most, and less than its fault jumped."""
-    jumps = abs(step) > AT_ONCE * _largest_jump(signal)
-    return signal.came_back and not jumps and abs(signal.residual) <= largest
+    the scan before: little by little, and by `largest` m at most."""
+    gradual = abs(step) <= GRADUAL * signal.limit
+    return signal.came_back and gradual and 0.5 * signal.limit < abs(signal.residual) <= largest
 
 
 @inner
