@@ -109,11 +109,13 @@ def _skip_step(radar):
 @inner
 def _regain(radar, settings):
     """After a moment without a scan: it may see another part of the car since."""
-    if is_radar_faulty(radar) or not settings.check_drift:
+    if radar.clearance.faulty or not settings.check_drift:
         return
     now = clearance_now(radar)
     limits = limits_about(radar, settings)
     moves_on = abs(radar.measured_velocity.value - radar.track.velocity) <= limits[1]
+    # What a faulty one says of the moment is nothing, and nothing says that the clearance is off.
+    moves_on = moves_on or radar.velocity.faulty
     if moves_on and limits[0] < abs(now - radar.track.clearance) <= settings.largest_shift:
         set_clearance(radar.track, now, radar.clearance.noise.variance)
         cut_path(radar)

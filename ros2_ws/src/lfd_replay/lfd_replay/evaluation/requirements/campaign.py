@@ -85,6 +85,13 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
         add(f"{title}: healthy", plan.recorded_sensors_healthy(extent), judges.judge_healthy)
         traffic = plan.recorded_sensors_in_traffic(extent)
         add("recorded sensors in traffic: healthy", traffic, judges.judge_healthy)
+        in_traffic = {
+            "clearance and relative velocity": radar,
+            **{f"{signal} +-2": ((signal, 2.0),) for signal in plan.OFFSETS},
+        }
+        for name, values in in_traffic.items():
+            runs = plan.faults_in_traffic(extent, values, len(values) == 1)
+            add(f"recorded sensors in traffic: {name}", runs, judges.judge_in_traffic)
         for name, values in plan.COMBINATIONS.items():
             runs = plan.recorded_sensors(extent, values, signed=False)
             add(f"{title}: {name}", runs, judges.judge_long)

@@ -160,6 +160,24 @@ def judge_long(judge: Judge) -> None:
     judge.no_false_events()
 
 
+def judge_in_traffic(judge: Judge) -> None:
+    """Offsets while targets come and go: figures of all of them, and what must be where one target
+    goes on from before the fault until after it."""
+    for signal in judge.signals():
+        found = [m["delay"] is not None for m in judge.of(signal)]
+        judge.share(f"{signal} found, whatever the target", found, 0.99, needed=False)
+    right = [not w["blamed"] for w in judge.windows]
+    judge.share("no healthy signal blamed, whatever the target", right, 0.98, needed=False)
+    judge.windows = [w for w in judge.windows if w["one_target"]]
+    for signal in judge.signals():
+        delays = judge.found(signal, 0.99)
+        most = 0.300 if signal == "acceleration" else 0.200
+        judge.middle(f"{signal}, median delay", delays, most)
+        clear = [_clear_within(m, 1.5) for m in judge.of(signal) if m["delay"] is not None]
+        judge.share(f"{signal} clear within 1.5 s", clear, 0.99)
+    judge.no_blame(0.98)
+
+
 def _to_its_end(judge: Judge, signal: str, least: float) -> None:
     """Flagged as long as it is faulty, and not much longer."""
     made = judge.of(signal)

@@ -143,6 +143,13 @@ def recorded_sensors_in_traffic(extent: Extent) -> list[Run]:
     ]
 
 
+def faults_in_traffic(extent: Extent, values: tuple, signed: bool) -> list[Run]:
+    """Faults in traffic as the recorded sensors see it."""
+    names = TRAFFIC[:: 3 * len(NORMAL) // len(extent.normal)]
+    given = {"signed": signed, "sensor": RECORDED_SENSORS}
+    return spread("offset", values, names, extent.seeds[:1], **given)
+
+
 def recorded_sensors(extent: Extent, values: tuple, signed: bool) -> list[Run]:
     """Faults of normal drives as the recorded sensors see them."""
     given = {"signed": signed, "sensor": RECORDED_SENSORS}

@@ -128,11 +128,12 @@ def settings_of(run: Run) -> dict[str, GraphSettings]:
 class Seen:
     """A run under one profile, over n steps.
 
-    `times` (n,) in s of drive time. By signal: `flags`, `ready` and `silent` (n,); `kinds`,
+    `times` (n,) in s of drive time, `targets` (n,) ids of the radar's. By signal: `flags`, `ready` and `silent` (n,); `kinds`,
     `sizes` and `size_stds` (n,). `rebuilt` and `rebuilt_std` (n, 3) in the order of `JUDGED`.
     """
 
     times: Array
+    targets: NDArray[np.int64]
     flags: dict[str, NDArray[np.bool_]]
     ready: dict[str, NDArray[np.bool_]]
     silent: dict[str, NDArray[np.bool_]]
@@ -155,7 +156,7 @@ def look(run: Run, recorded: Path | None) -> tuple[dict[str, Seen], Array, Array
     for name, settings in settings_of(run).items():
         rows = np.concatenate(list(OfflineGraph(settings).rows(faulty)))
         times = (rows["horizon"]["stamp"] - zero) * 1e-9
-        seen[name] = _collect(times, rows["outcome"])
+        seen[name] = _collect(times, rows["horizon"]["track_id"], rows["outcome"])
     horizon = rows["horizon"]
     used = ("clearance", "relative_velocity", "acceleration", "measured_host_speed")
     measured = np.stack([horizon[field] for field in used], axis=1)
@@ -181,11 +182,12 @@ def _healthy(samples: list[Sample], settings: GraphSettings, stamps: NDArray[np.
     return np.where((horizon["stamp"][at] == stamps)[:, None], values[at], np.nan)
 
 
-def _collect(times: Array, outcomes: NDArray[np.void]) -> Seen:
+def _collect(times: Array, targets: NDArray[np.int64], outcomes: NDArray[np.void]) -> Seen:
     states = {name: outcomes[name]["state"] for name in WATCHED}
     now = outcomes["reconstructed"]
     return Seen(
         times,
+        targets,
         {name: state == State.FAULT for name, state in states.items()},
         {name: state != State.NOT_READY for name, state in states.items()},
         {name: state == State.NO_DATA for name, state in states.items()},
@@ -257,8 +259,11 @@ def _window(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
             **_error(error[:, WATCHED.index(name)], times, start, inside, at),
         }
     watched = (times >= start) & (times < end + AFTER)
+    around = (times >= start - AFTER) & (times < end + AFTER)
     return {
         "signals": signals,
+        "one_target": bool(np.ptp(view.targets[around]) == 0)
+        and not view.silent["clearance"][around].any(),
         "blamed": [
             name
             for name in JUDGED
