@@ -512,6 +512,97 @@ def test_an_offset_that_ended_before_another_car_came_does_not_go_on(car: Car) -
     assert not car.faults_since(start)
 
 
+def test_a_relative_velocity_that_is_off_from_the_first_scan_of_another_car_is_named(car) -> None:
+    """What contradicts it is a straight line, as a drift of the clearance is: but no slow one."""
+    car.track_id, car.clearance, car.velocity = 2, 60.0, 1.0
+    start = car.number
+    verdict = car.drive(3.0, relative_velocity=2.0).report.relative_velocity
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+    assert verdict.kind == Kind.OFFSET and verdict.size == pytest.approx(2.0, abs=0.3)
+    end = car.number
+    assert car.drive(1.5).report.relative_velocity.state == State.OK
+    assert not car.faults_since(end)
+
+
+def test_a_drift_that_begins_with_another_car_is_the_clearances(car: Car) -> None:
+    car.track_id, car.clearance = 2, 60.0
+    start = car.number
+    for k in range(500):
+        car.step(clearance=0.6 * k * 0.01)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
+def test_what_was_off_from_the_first_scan_on_ends_with_the_other_signals_fault(car: Car) -> None:
+    """Nobody saw the clearance jump away; its jump back is no fault."""
+    car.track_id, car.clearance = 2, 60.0
+    start = car.number
+    car.drive(3.0, clearance=4.0, relative_velocity=-10.0)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+    end = car.number
+    report = car.drive(1.5).report
+    assert report.clearance.state == report.relative_velocity.state == State.OK
+    assert not car.faults_since(end)
+
+
+def test_a_clearance_that_jumps_while_the_relative_velocity_stays_faulty_is_faulty(car) -> None:
+    car.drive(1.0, relative_velocity=2.0)
+    start = car.number
+    car.drive(1.0, relative_velocity=2.0, clearance=4.0)
+    assert "clearance" in car.faults_since(start) and car.delay("clearance", start) <= 0.13
+
+
+def test_a_lead_that_braked_all_along_ends_no_fault_later(car: Car) -> None:
+    """What it did while nothing told of it is in what the relative velocity said."""
+    both = {"clearance": 4.0, "relative_velocity": -10.0}
+    car.velocity = 5.0
+    car.drive(5.0)
+    car.drive(1.0, **both)
+    car.lead_acceleration = -3.0
+    car.drive(2.0, **both)
+    end = car.number
+    report = car.drive(1.0).report
+    assert report.clearance.state == report.relative_velocity.state == State.OK
+    assert not car.faults_since(end)
+
+
+@pytest.mark.parametrize("silence", [0.0, 0.6])
+def test_another_part_of_the_car_behind_a_faulty_relative_velocity_is_no_fault(
+    car: Car, silence: float
+) -> None:
+    off = {"relative_velocity": 2.0}
+    car.drive(0.5, **off)
+    start = car.number
+    if silence:
+        car.radar_silent = True
+        car.drive(silence, **off)
+        car.radar_silent = False
+    else:
+        for level in (0.3, 0.75, 1.35):
+            car.drive(0.01 * SCAN, clearance=level, **off)
+    verdict = car.drive(2.0, clearance=1.7, **off).report.relative_velocity
+    assert verdict.state == State.FAULT and not car.faults_since(start) - {"relative_velocity"}
+    assert car.drive(1.5, clearance=1.7).report.relative_velocity.state == State.OK
+
+
+def test_a_clearance_that_came_back_may_go_over_to_another_part_of_the_car(car: Car) -> None:
+    car.drive(2.0, clearance=2.0)
+    end = car.number
+    car.drive(0.22)
+    for level in (-0.6, -1.1):
+        car.drive(0.01 * SCAN, clearance=level)
+    assert car.drive(1.0, clearance=-1.4).report.clearance.state == State.OK
+    assert not car.faults_since(end)
+
+
+@pytest.mark.parametrize("at", range(15, 55, SCAN))
+def test_an_outlier_after_a_jump_back_is_not_where_the_car_is(car: Car, at: int) -> None:
+    car.drive(2.0, clearance=4.0)
+    end = car.number
+    for k in range(150):
+        verdict = car.step(clearance=-1.5 * (at <= k < at + SCAN)).report.clearance
+    assert verdict.state == State.OK and not car.faults_since(end)
+
+
 def test_a_gap_in_the_path_is_no_agreement(car: Car) -> None:
     """Three seconds after the gap its window begins where no scan is."""
     both = {"clearance": 4.0, "relative_velocity": -10.0}
