@@ -577,11 +577,11 @@ def test_another_part_of_the_car_behind_a_faulty_relative_velocity_is_no_fault(
         car.drive(silence, **off)
         car.radar_silent = False
     else:
-        for level in (0.3, 0.75, 1.35):
+        for level in (0.5, 1.2, 1.9):
             car.drive(0.01 * SCAN, clearance=level, **off)
-    verdict = car.drive(2.0, clearance=1.7, **off).report.relative_velocity
+    verdict = car.drive(2.0, clearance=2.4, **off).report.relative_velocity
     assert verdict.state == State.FAULT and not car.faults_since(start) - {"relative_velocity"}
-    assert car.drive(1.5, clearance=1.7).report.relative_velocity.state == State.OK
+    assert car.drive(1.5, clearance=2.4).report.relative_velocity.state == State.OK
 
 
 def test_a_clearance_that_came_back_may_go_over_to_another_part_of_the_car(car: Car) -> None:
