@@ -250,9 +250,10 @@ def explain_drift(path, settings, excess, held, noise, drift):
 
     A clearance that drifts leaves the path in a straight line; a relative velocity that drifts
     bends it; a step of the velocity, too small for its own limits, leaves a straight line, but
-    was seen as a step, or began before the path did. A clearance that went over to another level at once is a radar that sees
-    another part of the car, unless no car is that long. `excess`: drift over its limit; `held`: the
-    clearance repeats itself; `noise`: variance of the clearance's, in m^2.
+    was seen as a step, or began before the path did. A clearance that went over to another level at
+    once is a radar that sees another part of the car, unless no car is that long. `excess`: drift
+    over its limit; `held`: the clearance repeats itself; `noise`: variance of the clearance's, in
+    m^2.
     """
     n = path.count
     times, off, steps = np.empty(n), np.empty(n), np.empty(n)

@@ -128,8 +128,9 @@ def settings_of(run: Run) -> dict[str, GraphSettings]:
 class Seen:
     """A run under one profile, over n steps.
 
-    `times` (n,) in s of drive time, `targets` (n,) ids of the radar's. By signal: `flags`, `ready` and `silent` (n,); `kinds`,
-    `sizes` and `size_stds` (n,). `rebuilt` and `rebuilt_std` (n, 3) in the order of `JUDGED`.
+    `times` (n,) in s of drive time, `targets` (n,) ids of the radar's. By signal: `flags`, `ready`
+    and `silent` (n,); `kinds`, `sizes` and `size_stds` (n,). `rebuilt` and `rebuilt_std` (n, 3) in
+    the order of `JUDGED`.
     """
 
     times: Array
