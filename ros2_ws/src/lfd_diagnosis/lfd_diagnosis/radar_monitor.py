@@ -65,6 +65,7 @@ from lfd_diagnosis.radar_target import (
     change_target,
     has_leapt,
     is_another,
+    is_another_in_part,
     is_settling,
 )
 from lfd_diagnosis.travelled_path import (
@@ -217,6 +218,9 @@ def _scan(radar, settings, track_id):
         if whole:
             begin_target(radar, settings, track_id)
             radar.begun_at = clearance.at
+    elif not whole and is_another_in_part(radar, settings, track_id):
+        change_target(radar, max(radar.clearance.last_at, radar.velocity.last_at))
+        start_target(radar, settings)
     elif not (whole and is_another(radar, settings, track_id)):
         radar.id = track_id
         radar.scans += 1

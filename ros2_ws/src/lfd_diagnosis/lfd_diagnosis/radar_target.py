@@ -160,6 +160,26 @@ def is_another(radar, settings, track_id):
 
 
 @inner
+def is_another_in_part(radar, settings, track_id):
+    """The same for a scan of which one signal alone is there: nothing can be begun with that."""
+    track, clearance, velocity = radar.track, radar.measured_clearance, radar.measured_velocity
+    limits = limits_about(radar, settings)
+    if clearance.new:
+        signal, measured, limit = radar.clearance, clearance, limits[0]
+        off = clearance.value + track.velocity * clearance.age - track.clearance
+    else:
+        signal, measured, limit = radar.velocity, velocity, limits[1]
+        off = velocity.value + velocity.age * (track.acceleration - radar.host) - track.velocity
+    known = track_id != UNKNOWN_TRACK and radar.id != UNKNOWN_TRACK
+    changed = track_id != radar.id and known
+    last_at = max(radar.clearance.last_at, radar.velocity.last_at)
+    if not changed and measured.at - last_at <= LOST_AFTER:
+        return False
+    # What is faulty and goes on as it was is of the same car.
+    return abs(off) > limit and abs(measured.value - signal.last) > signal.floor
+
+
+@inner
 def begin_another(radar, settings, track_id):
     """The radar sees another target from this scan on."""
     change_target(radar, radar.measured_clearance.at)
