@@ -76,9 +76,11 @@ class Car:
             self.seen, self.scanned = (now["clearance"], now["relative_velocity"]), self.number
         age = 0.01 * (self.number - self.scanned)
         clearance, velocity = self.seen
+        measured = {"measured_clearance": clearance, "measured_relative_velocity": velocity}
+        clearance = self.clearance if isnan(clearance) else clearance
+        velocity = self.velocity if isnan(velocity) else velocity
         fields = {
-            "measured_clearance": clearance,
-            "measured_relative_velocity": velocity,
+            **measured,
             "clearance": clearance + velocity * age,
             "velocity": velocity,
             "clearance_age": age,
@@ -601,6 +603,49 @@ def test_an_outlier_after_a_jump_back_is_not_where_the_car_is(car: Car, at: int)
     for k in range(150):
         verdict = car.step(clearance=-1.5 * (at <= k < at + SCAN)).report.clearance
     assert verdict.state == State.OK and not car.faults_since(end)
+
+
+@pytest.mark.parametrize("missing", ["clearance", "relative_velocity"])
+@pytest.mark.parametrize("known", [True, False])
+def test_another_car_is_no_fault_of_the_signal_that_is_there(car: Car, missing, known) -> None:
+    """Whether its id says that it is another, or a second without either signal before it."""
+    off = {f"{missing}_is": nan}
+    car.drive(1.0, **off)
+    if known:
+        car.track_id = 2
+    else:
+        car.radar_silent = True
+        car.drive(1.2)
+        car.radar_silent = False
+    car.clearance, car.velocity = 50.0, 6.0
+    start = car.number
+    report = car.drive(1.0, **off).report
+    there = report.relative_velocity if missing == "clearance" else report.clearance
+    assert there.state == State.NOT_READY and not car.faults_since(start)
+    report = car.drive(1.0).report
+    assert report.clearance.state == report.relative_velocity.state == State.OK
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize("missing", ["clearance", "relative_velocity"])
+def test_the_same_car_under_another_id_goes_on_with_one_signal(car: Car, missing: str) -> None:
+    there = "relative_velocity" if missing == "clearance" else "clearance"
+    start = car.number
+    car.drive(0.5, **{f"{missing}_is": nan})
+    car.track_id = 2
+    car.drive(0.5, **{f"{missing}_is": nan})
+    states = {getattr(outcome.report, there).state for outcome in car.outcomes[start:]}
+    assert states == {State.OK}
+
+
+def test_a_clearance_that_was_missing_may_see_another_part_of_the_car(car: Car) -> None:
+    car.drive(1.0, clearance_is=nan)
+    start = car.number
+    assert car.drive(2.0, clearance=2.0).report.clearance.state == State.OK
+    assert not car.faults_since(start)
+    car.drive(1.0, clearance=2.0, clearance_is=nan)
+    car.drive(1.0, clearance=6.0)
+    assert "clearance" in car.faults_since(start)
 
 
 def test_a_gap_in_the_path_is_no_agreement(car: Car) -> None:

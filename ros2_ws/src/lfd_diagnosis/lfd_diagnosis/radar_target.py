@@ -108,7 +108,7 @@ def _skip_step(radar):
 
 @inner
 def _regain(radar, settings):
-    """After a moment without a scan: it may see another part of the car since."""
+    """After a moment without the clearance: it may see another part of the car since."""
     if radar.clearance.faulty or not settings.check_drift:
         return
     now = clearance_now(radar)
@@ -145,7 +145,7 @@ def is_another(radar, settings, track_id):
     known = track_id != UNKNOWN_TRACK and radar.id != UNKNOWN_TRACK
     changed = track_id != radar.id and known
     if not changed and not silent:
-        if gap > LARGEST_GAP:
+        if at - radar.clearance.last_at > LARGEST_GAP:
             _regain(radar, settings)
         return False
     if settings.same_car and _knows(radar, settings, track_id, changed):
