@@ -64,6 +64,18 @@ def predict_track(track, dt, host_acceleration, keep, mean, jerk):
 
 
 @inner
+def clearance_then(track, age, relative_acceleration):
+    """The clearance in m `age` s ago, with the relative acceleration since (m/s^2)."""
+    return track.clearance - age * (track.velocity - 0.5 * age * relative_acceleration)
+
+
+@inner
+def velocity_then(track, age, relative_acceleration):
+    """The relative velocity in m/s `age` s ago, with the relative acceleration since (m/s^2)."""
+    return track.velocity - age * relative_acceleration
+
+
+@inner
 def correct_clearance(track, innovation, variance):
     """Take a clearance that is off by `innovation` m, of noise `variance` m^2."""
     cc, cv, ca = track.cc, track.cv, track.ca

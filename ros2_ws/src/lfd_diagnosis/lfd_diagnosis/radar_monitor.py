@@ -26,12 +26,14 @@ from lfd_diagnosis.held_radar import (
 )
 from lfd_diagnosis.lead_track import (
     believe,
+    clearance_then,
     correct_clearance,
     correct_velocity,
     inform,
     predict_track,
     set_clearance,
     set_velocity,
+    velocity_then,
 )
 from lfd_diagnosis.radar_requalification import look_for_agreement, rebase, requalify
 from lfd_diagnosis.radar_signal import (
@@ -272,9 +274,9 @@ def _judge(radar, settings, repeated):
     relative = track.acceleration - radar.host
     limits = limits_about(radar, settings)
     clearance_variance, velocity_variance = track.cc, track.vv
-    expected = track.clearance - age * (track.velocity - 0.5 * age * relative)
+    expected = clearance_then(track, age, relative)
     _hold_against(clearance, measured_clearance, expected, limits[0], repeated)
-    expected = track.velocity - age * relative
+    expected = velocity_then(track, age, relative)
     _hold_against(velocity, measured_velocity, expected, limits[1], repeated)
     if has_clearance and has_velocity and is_settling(radar):
         begin_target(radar, settings, radar.id)
@@ -309,11 +311,11 @@ def _judge(radar, settings, repeated):
             variance += WANDERING * wander_of(radar, settings)
         correct_clearance(track, clearance.residual, variance)
     if has_velocity and good_velocity:
-        now = track.velocity - age * (track.acceleration - radar.host)
-        correct_velocity(track, measured_velocity.value - now, velocity.noise.variance)
+        then = velocity_then(track, age, track.acceleration - radar.host)
+        correct_velocity(track, measured_velocity.value - then, velocity.noise.variance)
     if has_clearance and good_clearance and not is_radar_faulty(radar):
-        now = track.clearance - age * (track.velocity - 0.5 * age * relative)
-        clearance.bias += (measured_clearance.value - now - clearance.bias) / BIAS_SCANS
+        then = clearance_then(track, age, relative)
+        clearance.bias += (measured_clearance.value - then - clearance.bias) / BIAS_SCANS
     if not (has_clearance and has_velocity):
         return
     if not is_radar_faulty(radar):

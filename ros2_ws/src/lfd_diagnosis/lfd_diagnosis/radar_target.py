@@ -9,7 +9,14 @@ from lfd_diagnosis.healthy_signal import (
     restart_roughness,
 )
 from lfd_diagnosis.held_radar import begin_to_hold
-from lfd_diagnosis.lead_track import believe, predict_track, set_clearance, start_track
+from lfd_diagnosis.lead_track import (
+    believe,
+    clearance_then,
+    predict_track,
+    set_clearance,
+    start_track,
+    velocity_then,
+)
 from lfd_diagnosis.new_target import follow_leap, forget_leap, is_far, is_new_target
 from lfd_diagnosis.radar_signal import (
     agrees_by_now,
@@ -135,6 +142,13 @@ def _is_far_away(radar):
 
 
 @inner
+def _has_another_id(radar, track_id):
+    """Whether the target has an id, and had another one before."""
+    known = track_id != UNKNOWN_TRACK and radar.id != UNKNOWN_TRACK
+    return track_id != radar.id and known
+
+
+@inner
 def is_another(radar, settings, track_id):
     """Sort out a new track id, or a silence; whether a new target was begun."""
     at = radar.measured_clearance.at
@@ -142,8 +156,7 @@ def is_another(radar, settings, track_id):
     has_missed = gap > MISSED * radar.period
     _follow_period(radar, gap)
     silent = gap > LOST_AFTER or (has_missed and _is_far_away(radar))
-    known = track_id != UNKNOWN_TRACK and radar.id != UNKNOWN_TRACK
-    changed = track_id != radar.id and known
+    changed = _has_another_id(radar, track_id)
     if not changed and not silent:
         if at - radar.clearance.last_at > LARGEST_GAP:
             _regain(radar, settings)
@@ -163,17 +176,15 @@ def is_another(radar, settings, track_id):
 def is_another_in_part(radar, settings, track_id):
     """The same for a scan of which one signal alone is there: nothing can be begun with that."""
     track, clearance, velocity = radar.track, radar.measured_clearance, radar.measured_velocity
-    limits = limits_about(radar, settings)
+    limits, relative = limits_about(radar, settings), track.acceleration - radar.host
     if clearance.new:
         signal, measured, limit = radar.clearance, clearance, limits[0]
-        off = clearance.value + track.velocity * clearance.age - track.clearance
+        off = clearance.value - clearance_then(track, clearance.age, relative)
     else:
         signal, measured, limit = radar.velocity, velocity, limits[1]
-        off = velocity.value + velocity.age * (track.acceleration - radar.host) - track.velocity
-    known = track_id != UNKNOWN_TRACK and radar.id != UNKNOWN_TRACK
-    changed = track_id != radar.id and known
+        off = velocity.value - velocity_then(track, velocity.age, relative)
     last_at = max(radar.clearance.last_at, radar.velocity.last_at)
-    if not changed and measured.at - last_at <= LOST_AFTER:
+    if not _has_another_id(radar, track_id) and measured.at - last_at <= LOST_AFTER:
         return False
     # What is faulty and goes on as it was is of the same car.
     return abs(off) > limit and abs(measured.value - signal.last) > signal.floor
