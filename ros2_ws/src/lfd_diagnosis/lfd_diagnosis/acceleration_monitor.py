@@ -28,6 +28,7 @@ from lfd_diagnosis.healthy_signal import (
     excuse_repetition,
     filter_share,
     is_frozen,
+    note_change,
     is_new,
     is_rough,
     resolution_of,
@@ -149,6 +150,8 @@ def judge_acceleration(monitor, settings, horizon, relative_acceleration, lead_r
     _count(monitor, settings, exceeded)
     change = max(HELD_CHANGE, HELD_STEPS * resolution_of(monitor.roughness))
     should_change = not usable or abs(speed.derivative - monitor.derivative_when_held) > change
+    if monitor.fresh:
+        note_change(monitor.repetition, should_change)
     frozen = (
         settings.check_repetition
         and is_frozen(monitor.repetition, should_change)

@@ -220,6 +220,8 @@ REPETITION = np.dtype(
         ("equal", "i8"),
         ("samples", "i8"),
         ("run", "i8"),
+        ("odd", "i8"),
+        ("longest_odd", "i8"),
         ("lately", "f8"),
     ],
     align=True,
@@ -235,6 +237,7 @@ def start_repetition(repetition, least):
     """Begin with nothing; `least`: equal samples in a row that are never suspect."""
     repetition.least, repetition.value = least, np.nan
     repetition.longest = repetition.equal = repetition.samples = repetition.run = 0
+    repetition.odd = repetition.longest_odd = 0
     repetition.lately = 0.0
 
 
@@ -250,7 +253,10 @@ def is_frozen(repetition, should_change):
     share = max(repetition.equal / repetition.samples, repetition.lately)
     share = min(max(share, 0.01), 0.99)
     if should_change:
-        return repetition.run >= max(1.5 * repetition.longest + 2.0, log(CHANCE) / log(share))
+        return (
+            repetition.odd >= 1.5 * repetition.longest_odd + 2.0
+            and repetition.run >= log(CHANCE) / log(share)
+        )
     longest = max(2.0 * repetition.longest + 2.0, log(REMOTE) / log(share))
     return repetition.run >= UNCHANGED * longest
 
@@ -258,7 +264,7 @@ def is_frozen(repetition, should_change):
 @inner
 def restart_repetition(repetition):
     """The next sample has nothing to do with those before."""
-    repetition.value, repetition.run = np.nan, 0
+    repetition.value, repetition.run, repetition.odd = np.nan, 0, 0
 
 
 @inner
@@ -277,13 +283,23 @@ def take_repetition(repetition, value, healthy):
         repetition.samples += 1
         repetition.equal += equal
         if not equal:
-            repetition.longest = max(repetition.longest, repetition.run)
+            repetition.longest = max(repetition.longest, repetition.run - repetition.odd)
+            repetition.longest_odd = max(repetition.longest_odd, repetition.odd)
             keep = (1.0 - 1.0 / LATELY) ** (repetition.run + 1)
             # The run that ends: all of it but this sample was equal.
             repetition.lately = keep * repetition.lately + (1.0 - 1.0 / LATELY) - keep
     repetition.value = value
     repetition.run = repetition.run + 1 if equal else 0
+    if not equal:
+        repetition.odd = 0
     return equal
+
+
+@inner
+def note_change(repetition, should_change):
+    """Count the samples of the present run since the value should have changed."""
+    if repetition.run and (should_change or repetition.odd):
+        repetition.odd += 1
 
 
 RING = np.dtype(

@@ -77,9 +77,8 @@ def take_back_held(radar, settings, age):
 
 
 @inner
-def is_stuck(radar, settings, signal, of_clearance):
-    """A value repeated for too long, or while the relative velocity says that it changed."""
-    changed = should_have_changed(radar, settings, signal, of_clearance)
+def is_stuck(radar, signal, of_clearance, changed):
+    """A value repeated for too long, or though it should have `changed`."""
     if of_clearance and not _repeats_itself(radar):
         return changed and is_held(signal)
     return radar.host_moves and is_frozen(signal.repetition, changed)

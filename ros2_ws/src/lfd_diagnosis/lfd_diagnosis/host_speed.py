@@ -16,6 +16,7 @@ from lfd_diagnosis.healthy_signal import (
     is_new,
     is_rough,
     learn_noise,
+    note_change,
     resolution_of,
     restart_repetition,
     restart_roughness,
@@ -160,12 +161,15 @@ def is_standing(speed):
 @inner
 def _is_held(speed):
     """Whether it stays the same though the car moves, and had reason to change."""
-    if abs(speed.last) <= SLOW:
-        odd = not is_standing(speed) and abs(speed.missed) > MISSED_SLOW
-        return odd and is_frozen(speed.repetition, True)
-    missed = max(MISSED, MISSED_STEPS * resolution_of(speed.roughness))
-    missed += SLOPE_DOUBT * max(speed.held_for - 1.0, 0.0)
-    return is_frozen(speed.repetition, abs(speed.missed) > missed)
+    slow = abs(speed.last) <= SLOW
+    if slow:
+        changed = not is_standing(speed) and abs(speed.missed) > MISSED_SLOW
+    else:
+        missed = max(MISSED, MISSED_STEPS * resolution_of(speed.roughness))
+        missed += SLOPE_DOUBT * max(speed.held_for - 1.0, 0.0)
+        changed = abs(speed.missed) > missed
+    note_change(speed.repetition, changed)
+    return (changed or not slow) and is_frozen(speed.repetition, changed)
 
 
 @inner

@@ -13,6 +13,7 @@ from lfd_diagnosis.healthy_signal import (
     is_new,
     is_rough,
     learn_noise,
+    note_change,
     resolution_of,
     rough_share,
     take_repetition,
@@ -253,11 +254,13 @@ def _judge_signal(radar, settings, signal, measured, of_clearance, repeated):
         possible = max(ROUGH_VELOCITY, POSSIBLE_JERK * period * period)
     take_roughness(signal.roughness, measured.value, healthy, possible)
     count_scan(signal, settings.scan_confidence_max)
+    changed = should_have_changed(radar, settings, signal, of_clearance)
+    note_change(signal.repetition, changed)
     if signal.faulty:
-        classify(signal, should_have_changed(radar, settings, signal, of_clearance))
+        classify(signal, changed)
         requalify(radar, settings, signal, measured, of_clearance, repeated)
     elif is_ready(radar):
-        _suspect(radar, settings, signal, of_clearance)
+        _suspect(radar, settings, signal, of_clearance, changed)
 
 
 @inner
@@ -339,11 +342,11 @@ def _learn(signal, off, variance):
 
 
 @inner
-def _suspect(radar, settings, signal, of_clearance):
+def _suspect(radar, settings, signal, of_clearance, changed):
     """Whether a signal that was healthy still is."""
     if radar.leap.waits:
         return
-    stuck = settings.check_repetition and is_stuck(radar, settings, signal, of_clearance)
+    stuck = settings.check_repetition and is_stuck(radar, signal, of_clearance, changed)
     if signal.confidence >= settings.scan_confidence_threshold:
         has_path = of_clearance and radar.path.count > 0
         gradual = has_path and _is_gradual(radar, settings)
