@@ -3,7 +3,7 @@
 from math import exp, sqrt
 
 from lfd_diagnosis.healthy_signal import deviation, is_frozen, resolution_of
-from lfd_diagnosis.lead_track import predict_track
+from lfd_diagnosis.lead_track import predict_track, set_clearance
 from lfd_diagnosis.radar_signal import is_bad, is_held
 from lfd_diagnosis.radar_state import SLOW, WANDERING, is_either_held, wander_of
 from lfd_mpc.compiled import inner
@@ -73,7 +73,13 @@ def take_back_held(radar, settings, age):
     track.velocity -= radar.host_gain_while_held
     track.clearance -= radar.host_path_while_held
     if radar.measured_clearance.new and not clearance.faulty:
-        clearance.residual = radar.measured_clearance.value - track.clearance + age * track.velocity
+        now = radar.measured_clearance.value + age * track.velocity
+        if is_bad(clearance):
+            clearance.residual = now - track.clearance
+        else:
+            # It was right all along, and knows by now where the lead is.
+            set_clearance(track, now, clearance.noise.variance)
+            clearance.residual = 0.0
 
 
 @inner
