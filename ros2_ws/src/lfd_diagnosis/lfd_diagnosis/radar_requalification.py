@@ -53,7 +53,11 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
     step = measured.value - signal.last
     if of_clearance:
         step -= track.velocity * period
-    if not radar.lost:
+    if radar.lost:
+        if shows_itself(signal) and not still_shows(signal) and not signal.agreeing:
+            # What repeated itself when the target began told nothing of it; now it does.
+            rebase(track, signal, measured.value, of_clearance)
+    else:
         said = signal.residual if of_clearance else measured.value
         level, rise = returned_to(signal, said, repeated)
         if isfinite(level):
@@ -89,10 +93,12 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
         rebase(track, signal, measured.value, of_clearance)
         agrees = True
     if radar.lost:
-        # A new target: its own agreement with itself must do, but for longer.
+        # A new target: its own agreement with itself must do, but for longer, unless the fault
+        # would show itself.
         if not agreeing:
             radar.lost_since = measured.at
-        agrees = measured.at - radar.lost_since >= settings.requalify_time
+        needed = settings.clear_time if shows_itself(signal) else settings.requalify_time
+        agrees = agreeing and measured.at - radar.lost_since >= needed
     if agrees:
         forgive(signal)
         if not is_radar_faulty(radar):
