@@ -250,15 +250,20 @@ def is_frozen(repetition, should_change):
     """
     if repetition.samples < ENOUGH or repetition.run < repetition.least:
         return False
-    share = max(repetition.equal / repetition.samples, repetition.lately)
-    share = min(max(share, 0.01), 0.99)
     if should_change:
         return (
             repetition.odd >= 1.5 * repetition.longest_odd + 2.0
-            and repetition.run >= log(CHANCE) / log(share)
+            and repetition.run >= run_by_chance(repetition, CHANCE)
         )
-    longest = max(2.0 * repetition.longest + 2.0, log(REMOTE) / log(share))
+    longest = max(2.0 * repetition.longest + 2.0, run_by_chance(repetition, REMOTE))
     return repetition.run >= UNCHANGED * longest
+
+
+@inner
+def run_by_chance(repetition, probability):
+    """How many samples in a row are equal with that probability, by how many were so far."""
+    share = max(repetition.equal / max(repetition.samples, 1), repetition.lately)
+    return log(probability) / log(min(max(share, 0.01), 0.99))
 
 
 @inner

@@ -2,7 +2,13 @@
 
 from math import exp, sqrt
 
-from lfd_diagnosis.healthy_signal import deviation, is_frozen, resolution_of
+from lfd_diagnosis.healthy_signal import (
+    CHANCE,
+    deviation,
+    is_frozen,
+    resolution_of,
+    run_by_chance,
+)
 from lfd_diagnosis.lead_track import predict_track, set_clearance
 from lfd_diagnosis.radar_signal import is_bad, is_held
 from lfd_diagnosis.radar_state import SLOW, WANDERING, is_either_held, wander_of
@@ -94,7 +100,8 @@ def is_stuck(radar, signal, of_clearance, changed):
 def _repeats_itself(radar):
     """Whether the radar says the same again and again: one signal does, the other since then."""
     own, other = radar.clearance.repetition, radar.velocity.repetition
-    together = -own.longest <= other.run - own.run <= other.longest
+    apart = other.run - own.run
+    together = -run_by_chance(own, CHANCE) <= apart <= run_by_chance(other, CHANCE)
     return is_either_held(radar) and together
 
 

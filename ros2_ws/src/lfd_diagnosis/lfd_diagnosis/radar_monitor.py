@@ -105,6 +105,9 @@ SAME_SCAN = 1.5
 CLEARANCE_STD, VELOCITY_STD = 0.22, 0.3
 """How well a track is known, in m and m/s, that a contradiction was explained with."""
 
+SHIFT_AGAIN = 1.0
+"""Seconds in which a radar goes over to another part of the car but once."""
+
 COAST_KEEP = exp(-STEP_S / CORRELATION)
 
 FORGETTING = 2.0 / CORRELATION
@@ -354,8 +357,7 @@ def _suspect(radar, settings, signal, of_clearance, changed):
         if stuck and (gradual or growing):
             _convict_stuck(radar, settings, signal, of_clearance)
         elif of_clearance and _shifts_without_path(radar, settings):
-            set_clearance(radar.track, radar.measured_clearance.value, CLEARANCE_STD**2)
-            acquit(signal)
+            _take_along(radar)
         elif gradual:
             if abs(signal.residual) > settings.drift_limit and is_explainable(radar.path):
                 _explain(radar, settings, signal.residual, signal.limit)
@@ -383,6 +385,20 @@ def _shifts_without_path(radar, settings):
     relative velocity that is faulty and makes no path: little by little, and not too far."""
     off = abs(radar.clearance.residual)
     return radar.velocity.faulty and off <= settings.largest_shift and _is_gradual(radar, settings)
+
+
+@inner
+def _take_along(radar):
+    """The track goes on from where the clearance is."""
+    track, clearance, measured = radar.track, radar.clearance, radar.measured_clearance
+    since = measured.at - radar.shifted_at
+    if since < SHIFT_AGAIN:
+        # No part of a car again so soon: the coasted relative velocity is off.
+        off = clearance.residual / since
+        set_velocity(track, track.velocity + off, off * off)
+    set_clearance(track, measured.value, CLEARANCE_STD**2)
+    radar.shifted_at = measured.at
+    acquit(clearance)
 
 
 @inner

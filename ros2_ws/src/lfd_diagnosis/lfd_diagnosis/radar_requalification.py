@@ -14,6 +14,7 @@ from lfd_diagnosis.radar_signal import (
     forgive,
     has_not_jumped_back,
     has_stopped,
+    is_bad,
     may_have_shifted,
     restart_agreement,
     returned_to,
@@ -24,6 +25,7 @@ from lfd_diagnosis.radar_signal import (
 from lfd_diagnosis.radar_state import is_radar_faulty, wander_of
 from lfd_diagnosis.radar_target import begin_target
 from lfd_diagnosis.travelled_path import (
+    LEAST_TIME,
     clear_path,
     follow_path,
     path_drift,
@@ -53,11 +55,13 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
     step = measured.value - signal.last
     if of_clearance:
         step -= track.velocity * period
-    if radar.lost:
-        if shows_itself(signal) and not still_shows(signal) and not signal.agreeing:
-            # What repeated itself when the target began told nothing of it; now it does.
-            rebase(track, signal, measured.value, of_clearance)
-    else:
+    over = shows_itself(signal) and not still_shows(signal) and not signal.agreeing
+    shifted = of_clearance and is_bad(signal) and abs(signal.residual) <= settings.largest_shift
+    if over and (radar.lost or shifted):
+        # What repeated itself when the target began told nothing of it; now it does. And meanwhile
+        # a clearance may have gone over to another part of the car.
+        rebase(track, signal, measured.value, of_clearance)
+    elif not radar.lost:
         said = signal.residual if of_clearance else measured.value
         level, rise = returned_to(signal, said, repeated)
         if isfinite(level):
@@ -170,7 +174,7 @@ def look_for_agreement(radar, settings):
         path, settings, at, radar.measured_clearance.value, radar.measured_velocity.value, 0.0
     )
     limit = path_limit(path, settings, 1.0, resolution_of(clearance.roughness))
-    if path_length(path) < settings.drift_window:
+    if path_length(path) < (LEAST_TIME if over else settings.drift_window):
         return
     if abs(path_drift(path, settings, limit)) >= 0.5 * limit:
         return

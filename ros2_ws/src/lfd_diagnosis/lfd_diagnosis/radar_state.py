@@ -87,6 +87,7 @@ RADAR = np.dtype(
         ("host_path_while_held", "f8"),
         ("agreed_clearance", "f8"),
         ("agreed_path", "f8"),
+        ("shifted_at", "f8"),
         ("lost", "?"),
         ("lost_since", "f8"),
         ("carried", "?"),
@@ -98,7 +99,8 @@ RADAR = np.dtype(
 """State of one radar's two signals and of its target; `lost_since` (s) counts while `lost`,
 `carried_since` while an offset is taken to go on with another target (`carried`).
 
-`agreed_clearance` (m) is what was measured when a faulty relative velocity began to agree again,
+`shifted_at` (s) is when the clearance last went over to another part of the car behind a faulty
+relative velocity; `agreed_clearance` (m) is what was measured when a faulty relative velocity began to agree again,
 `agreed_path` (m) the path that it makes since.
 """
 
@@ -132,6 +134,7 @@ def start_target(radar, settings):
     radar.host = radar.travelled_while_held = 0.0
     radar.lead_when_held = radar.changed_while_held = radar.most_changed = 0.0
     radar.clearance_when_held = radar.off_while_held = 0.0
+    radar.shifted_at = -np.inf
     clear_path(radar.path)
     forget_leap(radar.leap)
     restart_signal(radar.clearance)
