@@ -17,6 +17,7 @@ from lfd_diagnosis.healthy_signal import (
     is_frozen,
     is_rough,
     learn_noise,
+    note_change,
     start_noise,
     start_repetition,
     start_roughness,
@@ -477,12 +478,83 @@ def test_what_was_held_tells_nothing_of_another_car(car: Car) -> None:
     car.drive(2.0)
     car.drive(1.0, clearance_is=car.clearance)
     car.lead_acceleration = 0.0
-    car.track_id, car.clearance = 2, 60.0
-    outcome = car.drive(1.0)
+    held = car.outcomes[-1].report.clearance
+    assert held.state == State.FAULT and held.kind == Kind.HOLD
+    was, car.track_id, car.clearance, car.velocity = car.seen[0], 2, 60.0, -4.0
+    outcome = car.drive(1.0, clearance_is=was)
     verdict = outcome.report.clearance
-    assert verdict.state == State.FAULT and "reference lost" in verdict.reason
+    assert verdict.state == State.FAULT
+    assert "reference lost: a new target must agree for 0.5 s" in verdict.reason
     assert not outcome.reconstruction.clearance_valid
-    assert car.drive(5.0).report.clearance.state == State.OK
+    # It would show that it is held: soon after it no longer does, it is believed.
+    start = car.number
+    car.drive(0.4)
+    assert car.outcomes[-1].report.clearance.state == State.FAULT
+    outcome = car.drive(0.4)
+    assert outcome.report.clearance.state == State.OK
+    assert outcome.reconstruction.clearance == pytest.approx(car.clearance, abs=0.3)
+    car.drive(3.0)
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize("moved", [-2.5, 5.0])
+def test_a_clearance_that_was_held_may_see_another_part_of_the_car_since(
+    car: Car, moved: float
+) -> None:
+    car.velocity = -1.0
+    car.drive(2.0)
+    car.drive(3.0, clearance_is=car.clearance)
+    assert car.outcomes[-1].report.clearance.kind == Kind.HOLD
+    car.clearance += moved
+    start = car.number
+    car.drive(1.5)
+    assert car.outcomes[-1].report.clearance.state == State.OK
+    car.drive(3.0)
+    assert not car.faults_since(start)
+
+
+def test_a_hold_that_nothing_told_does_not_excuse_the_next_one(car: Car) -> None:
+    def coarse(seconds: float) -> None:
+        for _ in range(round(seconds * 100)):
+            value = car.velocity + 0.03 * float(car.random.normal())
+            car.step(relative_velocity_is=0.05 * round(value / 0.05))
+
+    coarse(20.0)
+    # Nothing changes meanwhile: nobody can tell.
+    car.drive(3.0, relative_velocity_is=0.0)
+    coarse(5.0)
+    assert not car.faults_since(0)
+    car.lead_acceleration = -0.5
+    start, held = car.number, car.seen[1]
+    car.drive(2.5, relative_velocity_is=held)
+    assert car.faults_since(start) == {"radar", "relative_velocity"}
+    assert car.outcomes[-1].report.relative_velocity.kind == Kind.HOLD
+
+
+def test_a_clearance_that_goes_over_to_another_part_while_the_relative_velocity_is_held(
+    car: Car,
+) -> None:
+    car.lead_acceleration = 0.5
+    car.drive(2.0)
+    start, held = car.number, car.velocity
+    for _ in range(200):
+        # Within its limits from scan to scan, as a radar that sees the car's front by and by.
+        moves = 0.2 < 0.01 * (car.number - start) < 0.7
+        car.clearance -= 0.04 * moves
+        car.step(relative_velocity_is=held)
+    assert car.faults_since(start) == {"radar", "relative_velocity"}
+
+
+def test_a_lead_that_does_not_go_on_as_it_did_behind_a_faulty_relative_velocity(car: Car) -> None:
+    car.lead_acceleration = 1.0
+    car.drive(3.0)
+    start, held = car.number, car.velocity
+    car.drive(0.7, relative_velocity_is=held)
+    assert car.faults_since(start) == {"radar", "relative_velocity"}
+    car.lead_acceleration = -6.0
+    car.drive(2.5, relative_velocity_is=held)
+    assert car.faults_since(start) == {"radar", "relative_velocity"}
+    assert car.outcomes[-1].reconstruction.clearance == pytest.approx(car.clearance, abs=1.5)
 
 
 def test_an_offset_goes_on_with_another_car_until_it_ends(car: Car) -> None:
@@ -1374,10 +1446,35 @@ def test_repetition_is_told_from_what_the_signal_used_to_do() -> None:
         assert not is_frozen(lively, True)
         take_repetition(lively, 1.0, True)
         take_repetition(lazy, 5.0, True)
+        note_change(lively, True)
+        note_change(lazy, True)
     assert is_frozen(lively, True)
-    for _ in range(12):
+    for _ in range(7):
         assert not is_frozen(lazy, True)
         take_repetition(lazy, 5.0, True)
+        note_change(lazy, True)
+
+
+def test_how_long_a_value_repeats_itself_though_it_should_have_changed_is_learnt_apart() -> None:
+    signal = make_state(REPETITION)[0]
+    start_repetition(signal, 8)
+    random = Random(6)
+    for _ in range(500):
+        take_repetition(signal, random.gauss(0.0, 1.0), True)
+    for _ in range(100):
+        take_repetition(signal, 0.0, True)
+        note_change(signal, False)
+    take_repetition(signal, 1.0, True)
+    for _ in range(70):
+        assert not is_frozen(signal, False)
+        take_repetition(signal, 5.0, True)
+        note_change(signal, False)
+    # Enough of them, but only just since it should have changed.
+    note_change(signal, True)
+    assert not is_frozen(signal, True)
+    take_repetition(signal, 5.0, True)
+    note_change(signal, True)
+    assert is_frozen(signal, True)
 
 
 def test_the_track_follows_and_coasts_as_it_is_driven() -> None:

@@ -102,6 +102,7 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
         if not agreeing:
             radar.lost_since = measured.at
         needed = settings.clear_time if shows_itself(signal) else settings.requalify_time
+        signal.must_agree = needed
         agrees = agreeing and measured.at - radar.lost_since >= needed
     if agrees:
         forgive(signal)

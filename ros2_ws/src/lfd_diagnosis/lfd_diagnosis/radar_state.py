@@ -100,7 +100,7 @@ RADAR = np.dtype(
 `carried_since` while an offset is taken to go on with another target (`carried`).
 
 `shifted_at` (s) is when the clearance last went over to another part of the car behind a faulty
-relative velocity; `agreed_clearance` (m) is what was measured when a faulty relative velocity began to agree again,
+relative velocity; `agreed_clearance` (m) is what was measured when that began to agree again,
 `agreed_path` (m) the path that it makes since.
 """
 

@@ -132,7 +132,7 @@ def _radar_signal(
         words = _words(because)
     reason = f"{KIND_WORDS[verdict.kind]} by {words}"
     if lost:
-        needed = settings.requalify_time
+        needed = evidence.must_agree or settings.requalify_time
         return f"{reason}; reference lost: a new target must agree for {needed:g} s"
     reason += f"; now {now}"
     if not evidence.tellable:
