@@ -393,9 +393,10 @@ def _take_along(radar):
     track, clearance, measured = radar.track, radar.clearance, radar.measured_clearance
     since = measured.at - radar.shifted_at
     if since < SHIFT_AGAIN:
-        # No part of a car again so soon: the coasted relative velocity is off.
+        # No part of a car again so soon: what is coasted is off, the lead does not go on as it did.
         off = clearance.residual / since
         set_velocity(track, track.velocity + off, off * off)
+        believe(track, track.acceleration, abs(off) / since)
     set_clearance(track, measured.value, CLEARANCE_STD**2)
     radar.shifted_at = measured.at
     acquit(clearance)
