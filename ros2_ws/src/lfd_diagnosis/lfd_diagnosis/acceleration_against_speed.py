@@ -27,7 +27,7 @@ from lfd_diagnosis.healthy_signal import (
     is_rough,
     learn_noise,
 )
-from lfd_diagnosis.host_speed import jerk_between, jerk_of
+from lfd_diagnosis.host_speed import jerk_between, jerk_of, seems_held
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
@@ -113,6 +113,14 @@ def against_speed(monitor, settings):
         monitor.reference = np.nan
         healthy = abs(step) < LEAST * step_limit
         _learn(monitor, settings, off, jerk, step if healthy else np.nan, slow_limit)
+
+
+@inner
+def speed_may_be_wrong(monitor):
+    """Whether the speed that contradicts may be held: then it tells so itself in a moment."""
+    then = monitor.filtered - monitor.speed.derivative_when_held - monitor.check.reference
+    # Nothing but its own fault makes an accelerometer leap.
+    return not monitor.leapt_for and seems_held(monitor.speed, abs(then) <= monitor.check.limit)
 
 
 @inner

@@ -10,7 +10,7 @@ from lfd_diagnosis.acceleration_against_lead import (
     against_lead,
     follow_lead,
 )
-from lfd_diagnosis.acceleration_against_speed import against_speed
+from lfd_diagnosis.acceleration_against_speed import against_speed, speed_may_be_wrong
 from lfd_diagnosis.acceleration_jump import is_measured, restart_jump
 from lfd_diagnosis.acceleration_size import DRIFT_TIME, SLOPE_DRIFT, find_size
 from lfd_diagnosis.acceleration_state import (
@@ -173,6 +173,7 @@ def judge_acceleration(monitor, settings, horizon, relative_acceleration, lead_r
         and monitor.confidence >= settings.acceleration_steps
         # One sample alone may be an outlier, however many steps hold it.
         and monitor.new_samples >= 2
+        and not (check.ground == Ground.HOST_SPEED and speed_may_be_wrong(monitor))
     ):
         _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
 

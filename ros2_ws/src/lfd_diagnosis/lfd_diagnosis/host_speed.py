@@ -6,6 +6,7 @@ import numpy as np
 
 from lfd_diagnosis.evidence import BECAUSE, Ground, give_ground
 from lfd_diagnosis.healthy_signal import (
+    CHANCE,
     LEARNT_NOISE,
     REPETITION,
     ROUGHNESS,
@@ -21,6 +22,7 @@ from lfd_diagnosis.healthy_signal import (
     restart_repetition,
     restart_roughness,
     rough_share,
+    run_by_chance,
     share_of,
     start_noise,
     start_repetition,
@@ -91,6 +93,7 @@ HOST_SPEED = np.dtype(
         ("filtered", "f8"),
         ("derivative", "f8"),
         ("derivative_then", "f8"),
+        ("derivative_when_held", "f8"),
         ("slow_derivative", "f8"),
         ("largest_jerk", "f8"),
         ("followed", "f8"),
@@ -136,7 +139,7 @@ def lose_speed(speed):
 @inner
 def _stop_following(speed):
     speed.filtered = speed.derivative = speed.slow_derivative = np.nan
-    speed.derivative_then = np.nan
+    speed.derivative_then = speed.derivative_when_held = np.nan
     speed.followed = speed.largest_jerk = 0.0
 
 
@@ -170,6 +173,17 @@ def _is_held(speed):
         changed = abs(speed.missed) > missed
     note_change(speed.repetition, changed)
     return (changed or not slow) and is_frozen(speed.repetition, changed)
+
+
+@inner
+def seems_held(speed, agrees_with_then):
+    """Whether it may be held by now, so that its derivative tells nothing: it has said the same for
+    longer than chance would have it, or for a moment in which nothing else changed."""
+    repetition = speed.repetition
+    run = repetition.run
+    if run < repetition.least:
+        return False
+    return agrees_with_then or run >= run_by_chance(repetition, CHANCE)
 
 
 @inner
@@ -232,7 +246,10 @@ def _take(speed, settings, at, value, acceleration, shaken):
     take_roughness(speed.roughness, value, healthy and not is_standing(speed), 0.0)
     if is_standing(speed):
         excuse_repetition(speed.repetition, speed.faulty)
+    was_held = seems_held(speed, False)
     equal = take_repetition(speed.repetition, value, healthy)
+    if not equal:
+        speed.derivative_when_held = speed.derivative
     period = min(at - speed.last_at, 1.0)
     speed.missed = speed.missed + acceleration * period if equal else 0.0
     speed.held_for = speed.held_for + period if equal else 0.0
@@ -246,7 +263,7 @@ def _take(speed, settings, at, value, acceleration, shaken):
             if value == 0.0:
                 speed.followed = -DEAD_TIME
         else:
-            _check_jump(speed, value, period, acceleration)
+            _check_jump(speed, value, period, acceleration, was_held)
     speed.last, speed.last_at = value, at
     speed.derivative_then = speed.derivative
     rough = is_rough(speed.roughness)
@@ -259,15 +276,19 @@ def _take(speed, settings, at, value, acceleration, shaken):
         _convict(speed, Kind.NOISE, np.nan, Ground.ROUGHNESS, share, 0.0, 0.0)
     else:
         speed.quiet += period
-    # A speed that jumped and goes on smoothly is as good for its derivative, but who knows.
-    needed = settings.requalify_time if speed.off != 0.0 else settings.clear_time
+    # A speed that jumped and goes on smoothly is as good for its derivative, but who knows; one that
+    # was held is over with it when it moves.
+    held = speed.kind == Kind.HOLD or speed.kind == Kind.ZERO
+    if speed.kind == Kind.ZERO and value == 0.0:
+        speed.quiet = 0.0
+    needed = settings.requalify_time if speed.off != 0.0 and not held else settings.clear_time
     if speed.faulty and speed.quiet >= needed:
         _believe(speed)
         speed.off = 0.0
 
 
 @inner
-def _check_jump(speed, value, period, acceleration):
+def _check_jump(speed, value, period, acceleration, was_held):
     jump = value - speed.last - acceleration * period
     limit = max(JUMP, 8.0 * deviation(speed.noise)) + POSSIBLE_ACCELERATION * period
     if abs(jump) <= limit:
@@ -277,7 +298,9 @@ def _check_jump(speed, value, period, acceleration):
     speed.off += jump
     if speed.faulty and abs(speed.off) <= limit:
         speed.off = 0.0
-    kind = Kind.ZERO if value == 0.0 else Kind.OFFSET
+    kind = Kind.HOLD if was_held else Kind.OFFSET
+    if value == 0.0:
+        kind = Kind.ZERO
     _convict(speed, kind, jump, Ground.SPEED_JUMPED, jump, period, limit)
 
 
