@@ -88,6 +88,7 @@ HOST_SPEED = np.dtype(
         ("last", "f8"),
         ("last_at", "f8"),
         ("rough_for", "f8"),
+        ("same", "i8"),
         ("missed", "f8"),
         ("held_for", "f8"),
         ("filtered", "f8"),
@@ -132,7 +133,7 @@ def _believe(speed):
 def lose_speed(speed):
     """No sample, or none that is new enough."""
     speed.last, speed.last_at = np.nan, -np.inf
-    speed.rough_for = 0.0
+    speed.rough_for, speed.same = 0.0, 0
     _stop_following(speed)
 
 
@@ -178,12 +179,11 @@ def _is_held(speed):
 @inner
 def seems_held(speed, agrees_with_then):
     """Whether it may be held by now, so that its derivative tells nothing: it has said the same for
-    longer than chance would have it, or for a moment in which nothing else changed."""
-    repetition = speed.repetition
-    run = repetition.run
-    if run < repetition.least:
+    longer than chance would have it, or for a moment in which nothing else changed. Also that of a
+    car that seems to stand."""
+    if speed.same < speed.repetition.least:
         return False
-    return agrees_with_then or run >= run_by_chance(repetition, CHANCE)
+    return agrees_with_then or speed.same >= run_by_chance(speed.repetition, CHANCE)
 
 
 @inner
@@ -247,6 +247,7 @@ def _take(speed, settings, at, value, acceleration, shaken):
     if is_standing(speed):
         excuse_repetition(speed.repetition, speed.faulty)
     was_held = seems_held(speed, False)
+    speed.same = speed.same + 1 if value == speed.last else 0
     equal = take_repetition(speed.repetition, value, healthy)
     if not equal:
         speed.derivative_when_held = speed.derivative
