@@ -24,7 +24,7 @@ ONSETS = 12
 STEP_SEARCH, STEP_SHARE = 0.3, 0.6
 """Seconds around the onset in which a step of the velocity is looked for, and its least share."""
 
-DOUBT, PATIENCE = 0.75, 1.6
+DOUBT, PATIENCE = 0.6, 2.2
 """Ratio of two explanations' errors above which neither is clearly better, and limits to wait."""
 
 PLAIN = 2.0
