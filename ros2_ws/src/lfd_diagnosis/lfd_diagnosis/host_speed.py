@@ -277,8 +277,8 @@ def _take(speed, settings, at, value, acceleration, shaken):
         _convict(speed, Kind.NOISE, np.nan, Ground.ROUGHNESS, share, 0.0, 0.0)
     else:
         speed.quiet += period
-    # A speed that jumped and goes on smoothly is as good for its derivative, but who knows; one that
-    # was held is over with it when it moves.
+    # A speed that jumped and goes on smoothly is as good for its derivative, but who knows; one
+    # that was held is over with it when it moves.
     held = speed.kind == Kind.HOLD or speed.kind == Kind.ZERO
     if speed.kind == Kind.ZERO and value == 0.0:
         speed.quiet = 0.0

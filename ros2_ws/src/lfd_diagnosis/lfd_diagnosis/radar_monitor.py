@@ -44,6 +44,8 @@ from lfd_diagnosis.radar_signal import (
     convict,
     count_scan,
     deviation_about,
+    drifts_by,
+    forgive,
     is_bad,
     is_held,
     repeats,
@@ -107,6 +109,10 @@ CLEARANCE_STD, VELOCITY_STD = 0.22, 0.3
 
 SHIFT_AGAIN = 1.0
 """Seconds in which a radar goes over to another part of the car but once."""
+
+DRIFT_SEEN, DRIFT_DOUBT = 1.0, 0.35
+"""Seconds in which it is seen how fast a clearance drifts, and share of a jump of the relative
+velocity by which that may differ from it."""
 
 COAST_KEEP = exp(-STEP_S / CORRELATION)
 
@@ -365,6 +371,8 @@ def _suspect(radar, settings, signal, of_clearance, changed):
             measured = radar.measured_clearance if of_clearance else radar.measured_velocity
             rebase(radar.track, signal, measured.value, of_clearance)
             acquit(signal)
+        elif is_bad(signal) and not of_clearance and _ends_a_drift(radar):
+            _trust_both(radar)
         elif is_bad(signal) and not growing:
             # What grows is left to the path; what waited for it and came back was none.
             give_ground(signal.because, Ground.RESIDUAL, signal.residual, signal.limit, 0.0)
@@ -408,6 +416,26 @@ def _came_back_with_the_other(radar, signal, of_clearance):
     nobody saw in this one."""
     other = radar.velocity if of_clearance else radar.clearance
     return other.faulty and signal.last_at - other.jumped_back_at <= SAME_SCAN * radar.period
+
+
+@inner
+def _ends_a_drift(radar):
+    """Whether the relative velocity jumps back to what the clearance did all along: its own drift
+    ends, which had been taken for the clearance's."""
+    jump, drift = radar.velocity.residual, drifts_by(radar.clearance, DRIFT_SEEN)
+    blamed = radar.clearance.faulty and radar.clearance.because.ground == Ground.PATH
+    return blamed and not radar.lost and abs(jump - drift) < DRIFT_DOUBT * abs(jump)
+
+
+@inner
+def _trust_both(radar):
+    """Both signals are right from now on."""
+    clearance, velocity, track = radar.clearance, radar.velocity, radar.track
+    rebase(track, clearance, radar.measured_clearance.value, True)
+    rebase(track, velocity, radar.measured_velocity.value, False)
+    forgive(clearance)
+    acquit(velocity)
+    clear_path(radar.path)
 
 
 @inner

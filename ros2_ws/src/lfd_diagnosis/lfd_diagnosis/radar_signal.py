@@ -389,6 +389,24 @@ def has_stopped(signal, time, duration):
 
 
 @inner
+def drifts_by(signal, duration):
+    """How fast a drift went on over the last seconds, in the signal's unit per s; NaN where that is
+    not known."""
+    history, first, count = signal.history, signal.history_first, signal.history_count
+    if signal.kind != Kind.RAMP or not count:
+        return np.nan
+    newest = (first + count - 1) % HISTORY
+    time = history[newest, 0]
+    k = newest
+    while count > 1 and time - history[k, 0] < duration:
+        k, count = (k - 1) % HISTORY, count - 1
+    since = time - history[k, 0]
+    if since < duration:
+        return np.nan
+    return (history[newest, 1] - history[k, 1]) / since
+
+
+@inner
 def _largest_jump(signal):
     """The largest of the residuals that the fault began with."""
     size = 0.0
