@@ -81,6 +81,7 @@ from lfd_diagnosis.travelled_path import (
     is_explainable,
     path_drift,
     path_limit,
+    was_there,
 )
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
@@ -113,6 +114,9 @@ SHIFT_AGAIN = 1.0
 DRIFT_SEEN, DRIFT_DOUBT = 1.0, 0.35
 """Seconds in which it is seen how fast a clearance drifts, and share of a jump of the relative
 velocity by which that may differ from it."""
+
+BACK_DOUBT = 0.25
+"""Share of a jump of the clearance by which it may miss what it comes back to."""
 
 COAST_KEEP = exp(-STEP_S / CORRELATION)
 
@@ -371,6 +375,14 @@ def _suspect(radar, settings, signal, of_clearance, changed):
             measured = radar.measured_clearance if of_clearance else radar.measured_velocity
             rebase(radar.track, signal, measured.value, of_clearance)
             acquit(signal)
+        elif (
+            is_bad(signal)
+            and of_clearance
+            and was_there(radar.path, signal.residual, BACK_DOUBT * abs(signal.residual))
+        ):
+            rebase(radar.track, signal, radar.measured_clearance.value, True)
+            acquit(signal)
+            clear_path(radar.path)
         elif is_bad(signal) and not of_clearance and _ends_a_drift(radar):
             _trust_both(radar)
         elif is_bad(signal) and not growing:

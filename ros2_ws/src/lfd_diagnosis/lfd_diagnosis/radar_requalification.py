@@ -55,11 +55,11 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
     step = measured.value - signal.last
     if of_clearance:
         step -= track.velocity * period
-    over = shows_itself(signal) and not still_shows(signal) and not signal.agreeing
+    disagrees = not signal.agreeing and not still_shows(signal)
     shifted = of_clearance and is_bad(signal) and abs(signal.residual) <= settings.largest_shift
-    if over and (radar.lost or shifted):
-        # What repeated itself when the target began told nothing of it; now it does. And meanwhile
-        # a clearance may have gone over to another part of the car.
+    if disagrees and (radar.lost or (shows_itself(signal) and shifted)):
+        # Where nothing is known of a target, agreement with what it says begins anew. And while it
+        # was held a clearance may have gone over to another part of the car.
         rebase(track, signal, measured.value, of_clearance)
     elif not radar.lost:
         said = signal.residual if of_clearance else measured.value

@@ -2,7 +2,16 @@
 
 import numpy as np
 
-from lfd_diagnosis.healthy_signal import LEARNT_NOISE, deviation, learn_noise, start_noise
+from lfd_diagnosis.healthy_signal import (
+    LEARNT_NOISE,
+    RING,
+    append,
+    at,
+    deviation,
+    learn_noise,
+    start_noise,
+    start_ring,
+)
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 
@@ -41,6 +50,9 @@ SUDDEN, SUDDEN_SHARE = 0.8, 0.7
 STEPS = 2.5
 """Steps of the clearance's resolution that a drift may seem to have."""
 
+LEVELS, LEVEL_TIME = 32, 0.5
+"""How often it is remembered where a clearance lay beside the path, and seconds in between."""
+
 SIGMA = 5.0
 """Learnt standard deviations of the drift that make its limit."""
 
@@ -52,6 +64,8 @@ TRAVELLED_PATH = np.dtype(
     [
         ("noise", LEARNT_NOISE),
         ("points", "f8", (POINTS, 3)),
+        ("levels", RING),
+        ("level_at", "f8"),
         ("first", "i8"),
         ("count", "i8"),
         ("then", "f8"),
@@ -63,7 +77,7 @@ TRAVELLED_PATH = np.dtype(
 """What the clearance is off from the path travelled, over the last seconds.
 
 `points` are time (s), that difference (m) and how far the velocity was off from its prediction
-(m/s).
+(m/s); `levels` are that difference every now and then over a longer time, the last one `level_at`.
 """
 
 DRIFT = np.dtype(
@@ -85,7 +99,8 @@ def start_path(path, learn):
 def clear_path(path):
     """The path begins anew at the next scan."""
     path.first = path.count = 0
-    path.then = -np.inf
+    path.then = path.level_at = -np.inf
+    start_ring(path.levels, LEVELS)
     path.clearance = path.velocity = np.nan
 
 
@@ -123,11 +138,12 @@ def wander(path, noise, drifted):
 
 
 @inner
-def follow_path(path, settings, at, clearance, velocity, step):
-    """Take one scan; `step`: how far its velocity was off from its prediction, in m/s."""
-    points, period = path.points, at - path.then
+def follow_path(path, settings, time, clearance, velocity, step):
+    """Take one scan of a time in s; `step`: how far its velocity was off from its prediction, in
+    m/s."""
+    points, period = path.points, time - path.then
     if not path.count or period > LARGEST_GAP:
-        path.first = path.count = 0
+        clear_path(path)
         off, step = 0.0, 0.0
     else:
         travelled = 0.5 * (velocity + path.velocity) * period
@@ -136,11 +152,26 @@ def follow_path(path, settings, at, clearance, velocity, step):
     if path.count == POINTS:
         path.first, path.count = _point(path, 1), path.count - 1
     new = _point(path, path.count)
-    points[new, 0], points[new, 1], points[new, 2] = at, off, step
+    points[new, 0], points[new, 1], points[new, 2] = time, off, step
     path.count += 1
-    while at - points[path.first, 0] > settings.drift_window + 1.0:
+    if time - path.level_at >= LEVEL_TIME:
+        append(path.levels, off)
+        path.level_at = time
+    while time - points[path.first, 0] > settings.drift_window + 1.0:
         path.first, path.count = _point(path, 1), path.count - 1
-    path.then, path.clearance, path.velocity = at, clearance, velocity
+    path.then, path.clearance, path.velocity = time, clearance, velocity
+
+
+@inner
+def was_there(path, jump, doubt):
+    """Whether a clearance that jumps (m) lies beside the path where it lay before, within a doubt
+    (m): it had drifted away from there, too slowly to be told."""
+    if not path.count:
+        return False
+    now, least = path.points[_point(path, path.count - 1), 1] + jump, np.inf
+    for i in range(path.levels.count):
+        least = min(least, abs(at(path.levels, i) - now))
+    return least <= doubt
 
 
 @inner
