@@ -27,7 +27,7 @@ LEAST_TIME, LEAST_POINTS = 1.0, 10
 LARGEST_GAP = 0.5
 """Seconds without a scan after which the path begins anew."""
 
-ONSETS = 12
+ONSETS = 24
 """Onsets that are tried for each explanation."""
 
 STEP_SEARCH, STEP_SHARE = 0.3, 0.6
@@ -157,7 +157,7 @@ def follow_path(path, settings, time, clearance, velocity, step):
     if time - path.level_at >= LEVEL_TIME:
         append(path.levels, off)
         path.level_at = time
-    while time - points[path.first, 0] > settings.drift_window + 1.0:
+    while time - points[path.first, 0] > 2.0 * settings.drift_window + 1.0:
         path.first, path.count = _point(path, 1), path.count - 1
     path.then, path.clearance, path.velocity = time, clearance, velocity
 
@@ -175,31 +175,41 @@ def was_there(path, jump, doubt):
 
 
 @inner
-def path_drift(path, settings, limit):
-    """How far the two have come apart over the window in m; 0 while the path is short."""
-    if path_length(path) < LEAST_TIME:
-        return 0.0
+def _level(path, start):
+    """Mean of what the clearance was beside the path in the moment that begins at a time (s), or
+    after the gap that is there."""
     points = path.points
-    now = points[_point(path, path.count - 1), 0]
-    start = now
-    new = old = 0.0
-    new_count = old_count = 0
+    total, count, begin = 0.0, 0, np.inf
     for i in range(path.count):
         k = _point(path, i)
-        if points[k, 0] > now - MEAN:
-            new += points[k, 1]
-            new_count += 1
-        # There may be a gap where the window begins: then at the first scan after it.
-        if points[k, 0] >= now - settings.drift_window:
-            start = min(start, points[k, 0])
-        if start <= points[k, 0] <= start + MEAN:
-            old += points[k, 1]
-            old_count += 1
-    drift = new / new_count - old / old_count
-    # What is nearly a contradiction is not learnt as healthy.
-    if abs(drift) <= 0.6 * limit:
-        learn_noise(path.noise, drift, 0.0)
-    return drift
+        if points[k, 0] < start:
+            continue
+        begin = min(begin, points[k, 0])
+        if points[k, 0] > begin + MEAN:
+            break
+        total += points[k, 1]
+        count += 1
+    return total / count
+
+
+@inner
+def path_drift(path, settings, limit):
+    """How far the two have come apart over one window or two, whichever is more, in m; 0 while the
+    path is short."""
+    length, window = path_length(path), settings.drift_window
+    if length < LEAST_TIME:
+        return 0.0
+    now = path.points[_point(path, path.count - 1), 0]
+    newest = _level(path, now - MEAN)
+    short, long = newest - _level(path, now - window), newest - _level(path, now - 2.0 * window)
+    half = min(window, 0.5 * length)
+    middle = _level(path, now - half)
+    recent, before = newest - middle, middle - _level(path, now - 2.0 * half)
+    # What is nearly a contradiction is not learnt as healthy, nor what goes on and on.
+    goes_on = recent * before > 0.0 and min(abs(recent), abs(before)) > deviation(path.noise)
+    if abs(before) <= 0.6 * limit and not goes_on:
+        learn_noise(path.noise, before, 0.0)
+    return short if abs(short) >= abs(long) else long
 
 
 @inner
