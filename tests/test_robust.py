@@ -390,6 +390,48 @@ def test_a_faulty_host_speed_is_named_and_not_used(car: Car) -> None:
     assert "acceleration" in car.faults_since(start), "the observers still tell"
 
 
+def test_a_host_speed_that_is_held_as_the_car_drives_off_blames_no_accelerometer(car: Car) -> None:
+    car.speed = 0.0
+    car.drive(10.0, host_speed_is=0.0)
+    start = car.number
+    for k in range(250):
+        acceleration = min(0.02 * (k + 1), 1.7)
+        car.speed += 0.01 * acceleration
+        car.step(acceleration=acceleration, host_speed_is=0.0)
+    assert not car.faults_since(start)
+    # It jumps to where it should have been.
+    for _ in range(200):
+        car.speed += 0.01 * 1.7
+        outcome = car.step(acceleration=1.7)
+    assert car.faults_since(start) == {"host_speed"}
+    assert outcome.report.host_speed.state == outcome.report.acceleration.state == State.OK
+
+
+def test_a_held_host_speed_is_believed_soon_after_it_moves_again(car: Car) -> None:
+    start, held = car.number, car.speed
+    for _ in range(300):
+        car.speed += 0.01 * 1.2
+        outcome = car.step(acceleration=1.2, host_speed_is=held)
+    assert outcome.report.host_speed.kind == Kind.HOLD
+    assert car.faults_since(start) == {"host_speed"}
+    for k in range(400):
+        car.speed += 0.01 * 1.2
+        outcome = car.step(acceleration=1.2)
+        if k == 40:
+            assert outcome.report.host_speed.state == State.FAULT
+        if k >= 130:
+            assert outcome.report.host_speed.state == State.OK
+    assert car.faults_since(start) == {"host_speed"}
+
+
+def test_a_host_speed_that_fell_to_zero_is_faulty_until_it_moves_again(car: Car) -> None:
+    outcome = car.drive(9.0, host_speed_is=0.0)
+    assert outcome.report.host_speed.state == State.FAULT
+    assert outcome.report.host_speed.kind == Kind.ZERO
+    assert car.drive(1.5).report.host_speed.state == State.OK
+    assert car.faults_since(0) == {"host_speed"}
+
+
 def test_without_host_speed_a_jump_of_the_acceleration_is_found() -> None:
     car = Car(host_speed=False)
     car.drive(8.0)
@@ -542,6 +584,62 @@ def test_a_clearance_that_goes_over_to_another_part_while_the_relative_velocity_
         car.clearance -= 0.07 * (car.number - start < 30)
         car.step(relative_velocity_is=held)
     assert car.faults_since(start) == {"radar", "relative_velocity"}
+
+
+def test_a_drift_of_the_clearance_that_goes_on_with_another_car_ends(car: Car) -> None:
+    for k in range(800):
+        if k == 500:
+            car.track_id, car.clearance, car.velocity = 2, 60.0, -4.0
+            car.lead_acceleration = 0.5
+        outcome = car.step(clearance=0.005 * k)
+    assert outcome.report.clearance.kind == Kind.RAMP
+    assert "reference lost" in outcome.report.clearance.reason
+    # Its jump back is no longer seen as one: its agreement with itself must do.
+    car.drive(4.5)
+    assert car.outcomes[-1].report.clearance.state == State.FAULT
+    start = car.number
+    outcome = car.drive(1.0)
+    assert outcome.report.clearance.state == State.OK
+    assert outcome.reconstruction.clearance == pytest.approx(car.clearance, abs=0.3)
+    car.drive(3.0)
+    assert not car.faults_since(start)
+
+
+def test_a_slow_drift_of_the_clearance_is_seen_over_two_windows(car: Car) -> None:
+    start = car.number
+    for k in range(700):
+        car.step(clearance=0.0035 * k)
+    assert car.faults_since(start) == {"clearance", "radar"}
+    assert car.outcomes[-1].report.clearance.kind == Kind.RAMP
+    assert 0.35 * car.delay("clearance", start) < 2.1
+
+
+def test_a_clearance_that_comes_back_to_the_path_from_a_drift_too_slow_to_tell(car: Car) -> None:
+    car.drive(5.0)
+    start = car.number
+    for k in range(900):
+        car.step(clearance=0.0017 * k)
+    assert not car.faults_since(start)
+    car.drive(3.0)
+    assert not car.faults_since(start)
+    # As far from where it never was: a fault.
+    car.drive(1.0, clearance=1.53)
+    assert "clearance" in car.faults_since(start)
+
+
+def test_a_relative_velocity_that_comes_back_ends_the_drift_it_made(car: Car) -> None:
+    car.track_id, car.clearance, car.velocity = 2, 60.0, -2.0
+    # Off by less than its limits from its first scan on: that is a drift of the clearance to see.
+    car.drive(4.0, relative_velocity=0.6)
+    assert car.outcomes[-1].report.clearance.kind == Kind.RAMP
+    for k in range(280):
+        car.step(relative_velocity=0.6 + 0.005 * k)
+    car.drive(1.5, relative_velocity=2.0)
+    start = car.number
+    report = car.drive(0.5).report
+    assert report.clearance.state == report.relative_velocity.state == State.OK
+    car.drive(3.0)
+    assert not car.faults_since(start)
 
 
 @pytest.mark.parametrize(("wander", "period"), [(0.4, 4.0), (0.6, 5.0), (0.8, 8.0)])

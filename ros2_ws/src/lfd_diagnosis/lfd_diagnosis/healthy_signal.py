@@ -38,6 +38,9 @@ CHANCE, REMOTE = 1e-5, 1e-7
 """Probability below which a run of equal samples is no coincidence, where the signal should have
 changed and where nothing says so."""
 
+NO_CHANCE = 2.0
+"""How many times longer than chance would have it the longest run of a healthy signal is."""
+
 UNCHANGED = 4.0
 """How many times longer a run must be while the signal had no reason to change."""
 
@@ -251,10 +254,11 @@ def is_frozen(repetition, should_change):
     if repetition.samples < ENOUGH or repetition.run < repetition.least:
         return False
     if should_change:
-        return (
-            repetition.odd >= 1.5 * repetition.longest_odd + 2.0
-            and repetition.run >= run_by_chance(repetition, CHANCE)
-        )
+        chance = run_by_chance(repetition, CHANCE)
+        # A run that was too long to be chance may have been a fault that nobody could tell.
+        longest = min(1.5 * repetition.longest + 2.0, NO_CHANCE * chance)
+        odd = 1.5 * repetition.longest_odd + 2.0
+        return repetition.odd >= odd and repetition.run >= max(longest, chance)
     longest = max(2.0 * repetition.longest + 2.0, run_by_chance(repetition, REMOTE))
     return repetition.run >= UNCHANGED * longest
 

@@ -48,6 +48,13 @@ def follow_held_velocity(radar, same):
 
 
 @inner
+def seems_held(radar):
+    """Whether the relative velocity has said the same for longer than chance would have it."""
+    repetition = radar.velocity.repetition
+    return repetition.run >= max(repetition.least, run_by_chance(repetition, CHANCE))
+
+
+@inner
 def begin_to_hold(radar):
     """A relative velocity may repeat itself from now on."""
     velocity, track = radar.measured_velocity, radar.track

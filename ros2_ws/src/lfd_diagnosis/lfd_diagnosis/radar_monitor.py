@@ -22,6 +22,7 @@ from lfd_diagnosis.healthy_signal import (
 from lfd_diagnosis.held_radar import (
     follow_held_velocity,
     is_stuck,
+    seems_held,
     should_have_changed,
     take_back_held,
 )
@@ -114,9 +115,6 @@ SHIFT_AGAIN = 1.0
 DRIFT_SEEN, DRIFT_DOUBT = 1.0, 0.35
 """Seconds in which it is seen how fast a clearance drifts, and share of a jump of the relative
 velocity by which that may differ from it."""
-
-BACK_DOUBT = 0.25
-"""Share of a jump of the clearance by which it may miss what it comes back to."""
 
 COAST_KEEP = exp(-STEP_S / CORRELATION)
 
@@ -375,11 +373,7 @@ def _suspect(radar, settings, signal, of_clearance, changed):
             measured = radar.measured_clearance if of_clearance else radar.measured_velocity
             rebase(radar.track, signal, measured.value, of_clearance)
             acquit(signal)
-        elif (
-            is_bad(signal)
-            and of_clearance
-            and was_there(radar.path, signal.residual, BACK_DOUBT * abs(signal.residual))
-        ):
+        elif is_bad(signal) and of_clearance and _comes_back(radar):
             rebase(radar.track, signal, radar.measured_clearance.value, True)
             acquit(signal)
             clear_path(radar.path)
@@ -428,6 +422,15 @@ def _came_back_with_the_other(radar, signal, of_clearance):
     nobody saw in this one."""
     other = radar.velocity if of_clearance else radar.clearance
     return other.faulty and signal.last_at - other.jumped_back_at <= SAME_SCAN * radar.period
+
+
+@inner
+def _comes_back(radar):
+    """Whether the clearance jumps to where it lay beside a healthy relative velocity's path."""
+    clearance, velocity = radar.measured_clearance, radar.measured_velocity
+    if radar.velocity.faulty or not velocity.new:
+        return False
+    return was_there(radar.path, clearance.at, clearance.value, velocity.value)
 
 
 @inner
@@ -534,6 +537,9 @@ def _explain(radar, settings, difference, limit):
     """Clearance and relative velocity contradict each other: convict one of them."""
     path, track, drift = radar.path, radar.track, radar.drift
     clearance, velocity = radar.clearance, radar.velocity
+    if seems_held(radar) and abs(radar.off_while_held) > 0.5 * abs(difference):
+        # Then it is not the clearance that drifts: in a moment the relative velocity tells.
+        return
     held = is_held(clearance) and abs(radar.travelled_while_held) > 0.5 * abs(difference)
     excess, noise = abs(difference) / limit, clearance.noise.variance
     explain_drift(path, settings, excess, held, noise, drift)

@@ -47,8 +47,14 @@ which that explains a difference, and points that are needed on either side."""
 SUDDEN, SUDDEN_SHARE = 0.8, 0.7
 """Seconds in which no drift goes such a share of the way to its limit."""
 
+BACK_DOUBT = 0.25
+"""Share of a jump of the clearance by which it may miss what it comes back to."""
+
 STEPS = 2.5
 """Steps of the clearance's resolution that a drift may seem to have."""
+
+LONGER = 1.4
+"""How many times more the two may come apart over two windows than over one."""
 
 LEVELS, LEVEL_TIME = 32, 0.5
 """How often it is remembered where a clearance lay beside the path, and seconds in between."""
@@ -138,17 +144,23 @@ def wander(path, noise, drifted):
 
 
 @inner
+def _beside(path, time, clearance, velocity):
+    """What a scan's clearance is off from the path travelled."""
+    travelled = 0.5 * (velocity + path.velocity) * (time - path.then)
+    last = path.points[_point(path, path.count - 1), 1]
+    return last + clearance - path.clearance - travelled
+
+
+@inner
 def follow_path(path, settings, time, clearance, velocity, step):
     """Take one scan of a time in s; `step`: how far its velocity was off from its prediction, in
     m/s."""
-    points, period = path.points, time - path.then
-    if not path.count or period > LARGEST_GAP:
+    points = path.points
+    if not path.count or time - path.then > LARGEST_GAP:
         clear_path(path)
         off, step = 0.0, 0.0
     else:
-        travelled = 0.5 * (velocity + path.velocity) * period
-        last = points[_point(path, path.count - 1), 1]
-        off = last + clearance - path.clearance - travelled
+        off = _beside(path, time, clearance, velocity)
     if path.count == POINTS:
         path.first, path.count = _point(path, 1), path.count - 1
     new = _point(path, path.count)
@@ -163,15 +175,15 @@ def follow_path(path, settings, time, clearance, velocity, step):
 
 
 @inner
-def was_there(path, jump, doubt):
-    """Whether a clearance that jumps (m) lies beside the path where it lay before, within a doubt
-    (m): it had drifted away from there, too slowly to be told."""
+def was_there(path, time, clearance, velocity):
+    """Whether a clearance that jumps lies beside the path where it lay before: it had drifted away
+    from there, too slowly to be told."""
     if not path.count:
         return False
-    now, least = path.points[_point(path, path.count - 1), 1] + jump, np.inf
+    now, least = _beside(path, time, clearance, velocity), np.inf
     for i in range(path.levels.count):
         least = min(least, abs(at(path.levels, i) - now))
-    return least <= doubt
+    return least <= BACK_DOUBT * abs(now - path.points[_point(path, path.count - 1), 1])
 
 
 @inner
@@ -194,8 +206,8 @@ def _level(path, start):
 
 @inner
 def path_drift(path, settings, limit):
-    """How far the two have come apart over one window or two, whichever is more, in m; 0 while the
-    path is short."""
+    """How far the two have come apart over one window in m, or over two less what that may be more;
+    0 while the path is short."""
     length, window = path_length(path), settings.drift_window
     if length < LEAST_TIME:
         return 0.0
@@ -209,6 +221,7 @@ def path_drift(path, settings, limit):
     goes_on = recent * before > 0.0 and min(abs(recent), abs(before)) > deviation(path.noise)
     if abs(before) <= 0.6 * limit and not goes_on:
         learn_noise(path.noise, before, 0.0)
+    long /= LONGER
     return short if abs(short) >= abs(long) else long
 
 
