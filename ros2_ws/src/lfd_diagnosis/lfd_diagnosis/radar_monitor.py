@@ -368,7 +368,8 @@ def _suspect(radar, settings, signal, of_clearance, changed):
             _take_along(radar)
         elif gradual:
             if abs(signal.residual) > settings.drift_limit and is_explainable(radar.path):
-                _explain(radar, settings, signal.residual, signal.limit)
+                reach = settings.drift_window + 1.0
+                _explain(radar, settings, signal.residual, signal.limit, reach)
         elif is_bad(signal) and _came_back_with_the_other(radar, signal, of_clearance):
             measured = radar.measured_clearance if of_clearance else radar.measured_velocity
             rebase(radar.track, signal, measured.value, of_clearance)
@@ -529,12 +530,12 @@ def _follow_path(radar, settings):
     )
     drift = path_drift(path, settings, limit)
     if settings.check_drift and abs(drift) > limit and is_explainable(path):
-        _explain(radar, settings, drift, limit)
+        _explain(radar, settings, drift, limit, path.reach)
 
 
 @inner
-def _explain(radar, settings, difference, limit):
-    """Clearance and relative velocity contradict each other: convict one of them."""
+def _explain(radar, settings, difference, limit, reach):
+    """Clearance and relative velocity contradict each other in the last `reach` s: convict one."""
     path, track, drift = radar.path, radar.track, radar.drift
     clearance, velocity = radar.clearance, radar.velocity
     if seems_held(radar) and abs(radar.off_while_held) > 0.5 * abs(difference):
@@ -542,7 +543,7 @@ def _explain(radar, settings, difference, limit):
         return
     held = is_held(clearance) and abs(radar.travelled_while_held) > 0.5 * abs(difference)
     excess, noise = abs(difference) / limit, clearance.noise.variance
-    explain_drift(path, settings, excess, held, noise, drift)
+    explain_drift(path, settings, reach, excess, held, noise, drift)
     if drift.shifted:
         # Another part of the same car: the track goes on from there.
         set_clearance(track, path.clearance, CLEARANCE_STD**2)

@@ -27,7 +27,7 @@ LEAST_TIME, LEAST_POINTS = 1.0, 10
 LARGEST_GAP = 0.5
 """Seconds without a scan after which the path begins anew."""
 
-ONSETS = 24
+ONSETS = 12
 """Onsets that are tried for each explanation."""
 
 STEP_SEARCH, STEP_SHARE = 0.3, 0.6
@@ -47,8 +47,9 @@ which that explains a difference, and points that are needed on either side."""
 SUDDEN, SUDDEN_SHARE = 0.8, 0.7
 """Seconds in which no drift goes such a share of the way to its limit."""
 
-BACK_DOUBT = 0.25
-"""Share of a jump of the clearance by which it may miss what it comes back to."""
+BACK_DOUBT, SLOWLY = 0.25, 0.4
+"""Shares of a jump of the clearance by which it may miss what it comes back to, and that it went at
+once from there at most."""
 
 STEPS = 2.5
 """Steps of the clearance's resolution that a drift may seem to have."""
@@ -72,6 +73,7 @@ TRAVELLED_PATH = np.dtype(
         ("points", "f8", (POINTS, 3)),
         ("levels", RING),
         ("level_at", "f8"),
+        ("reach", "f8"),
         ("first", "i8"),
         ("count", "i8"),
         ("then", "f8"),
@@ -84,6 +86,7 @@ TRAVELLED_PATH = np.dtype(
 
 `points` are time (s), that difference (m) and how far the velocity was off from its prediction
 (m/s); `levels` are that difference every now and then over a longer time, the last one `level_at`.
+`reach`: seconds of path that tell who is wrong.
 """
 
 DRIFT = np.dtype(
@@ -180,10 +183,18 @@ def was_there(path, time, clearance, velocity):
     from there, too slowly to be told."""
     if not path.count:
         return False
-    now, least = _beside(path, time, clearance, velocity), np.inf
+    level = path.points[_point(path, path.count - 1), 1]
+    now = _beside(path, time, clearance, velocity)
+    jump = abs(now - level)
     for i in range(path.levels.count):
-        least = min(least, abs(at(path.levels, i) - now))
-    return least <= BACK_DOUBT * abs(now - path.points[_point(path, path.count - 1), 1])
+        before = at(path.levels, path.levels.count - 1 - i)
+        if abs(before - now) <= BACK_DOUBT * jump:
+            return True
+        if abs(before - level) > SLOWLY * jump:
+            # From there it did not drift.
+            return False
+        level = before
+    return False
 
 
 @inner
@@ -209,6 +220,7 @@ def path_drift(path, settings, limit):
     """How far the two have come apart over one window in m, or over two less what that may be more;
     0 while the path is short."""
     length, window = path_length(path), settings.drift_window
+    path.reach = window + 1.0
     if length < LEAST_TIME:
         return 0.0
     now = path.points[_point(path, path.count - 1), 0]
@@ -222,7 +234,9 @@ def path_drift(path, settings, limit):
     if abs(before) <= 0.6 * limit and not goes_on:
         learn_noise(path.noise, before, 0.0)
     long /= LONGER
-    return short if abs(short) >= abs(long) else long
+    over_one = abs(short) >= abs(long)
+    path.reach = (window if over_one else 2.0 * window) + 1.0
+    return short if over_one else long
 
 
 @inner
@@ -299,8 +313,8 @@ def _tell(drift, of_clearance, kind, error):
 
 
 @inner
-def explain_drift(path, settings, excess, held, noise, drift):
-    """Who is wrong: into `drift`.
+def explain_drift(path, settings, reach, excess, held, noise, drift):
+    """Who is wrong, by the last `reach` s of the path: into `drift`.
 
     A clearance that drifts leaves the path in a straight line; a relative velocity that drifts
     bends it; a step of the velocity, too small for its own limits, leaves a straight line, but
@@ -309,11 +323,13 @@ def explain_drift(path, settings, excess, held, noise, drift):
     over its limit; `held`: the clearance repeats itself; `noise`: variance of the clearance's, in
     m^2.
     """
-    n = path.count
+    now, skipped = path.then, 0
+    while now - path.points[_point(path, skipped), 0] > reach:
+        skipped += 1
+    n = path.count - skipped
     times, off, steps = np.empty(n), np.empty(n), np.empty(n)
-    now = path.points[_point(path, n - 1), 0]
     for i in range(n):
-        k = _point(path, i)
+        k = _point(path, skipped + i)
         times[i] = path.points[k, 0] - now
         off[i], steps[i] = path.points[k, 1], path.points[k, 2]
     line_error, line_onset, line_base, line_slope = _fit(times, off, 1)
