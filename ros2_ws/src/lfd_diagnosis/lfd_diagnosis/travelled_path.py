@@ -188,11 +188,11 @@ def was_there(path, time, clearance, velocity):
     jump = abs(now - level)
     for i in range(path.levels.count):
         before = at(path.levels, path.levels.count - 1 - i)
-        if abs(before - now) <= BACK_DOUBT * jump:
-            return True
         if abs(before - level) > SLOWLY * jump:
             # From there it did not drift.
             return False
+        if abs(before - now) <= BACK_DOUBT * jump:
+            return True
         level = before
     return False
 
