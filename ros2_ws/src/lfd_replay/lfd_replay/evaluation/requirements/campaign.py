@@ -26,6 +26,14 @@ KINDS = {
 }
 """Other kinds of fault by signal, with their values; noise is ten times the sensor's own."""
 
+JUDGES = {
+    "hold": judges.judge_held,
+    "zero": judges.judge_held,
+    "dropout": judges.judge_dropout,
+    "ramp": judges.judge_ramp,
+}
+"""How some of them are judged."""
+
 OUTLIERS = (("clearance", 4.0), ("relative_velocity", 5.0), ("acceleration", 4.0))
 """Spikes in m, m/s and m/s^2: the first sample of every second."""
 
@@ -37,6 +45,11 @@ class Row:
     title: str
     runs: tuple[Run, ...]
     judge: Callable[[Judge], None]
+
+
+def _length_of(kind: str) -> tuple[float, bool]:
+    """Seconds of such a fault, and whether it goes either way."""
+    return (plan.RAMP_LENGTH, True) if kind == "ramp" else (plan.LENGTH, False)
 
 
 def rows(extent: Extent, recorded: bool) -> list[Row]:
@@ -90,8 +103,14 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
             **{f"{signal} +-2": ((signal, 2.0),) for signal in plan.OFFSETS},
         }
         for name, values in in_traffic.items():
-            runs = plan.faults_in_traffic(extent, values, len(values) == 1)
+            runs = plan.faults_in_traffic(extent, "offset", values, len(values) == 1)
             add(f"recorded sensors in traffic: {name}", runs, judges.judge_in_traffic)
+        for kind, judge in {**JUDGES, "dropout": judges.judge_blame}.items():
+            in_traffic_too = partial(judges.judge_kind_in_traffic, judge_kind=judge)
+            for signal, value in KINDS[kind].items():
+                length, signed = _length_of(kind)
+                runs = plan.faults_in_traffic(extent, kind, ((signal, value),), signed, length)
+                add(f"recorded sensors in traffic: {kind} {signal}", runs, in_traffic_too)
         for name, values in plan.COMBINATIONS.items():
             runs = plan.recorded_sensors(extent, values, signed=False)
             add(f"{title}: {name}", runs, judges.judge_long)
@@ -116,17 +135,11 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
     )
     for kind, by_signal in KINDS.items():
         for signal, value in by_signal.items():
-            judge = {
-                "hold": judges.judge_held,
-                "zero": judges.judge_held,
-                "dropout": judges.judge_dropout,
-                "ramp": judges.judge_ramp,
-            }.get(kind, judges.judge_other)
-            length = plan.RAMP_LENGTH if kind == "ramp" else plan.LENGTH
+            length, signed = _length_of(kind)
             runs = plan.spread(
-                kind, ((signal, value),), extent.few, extent.seeds[:1], length, kind == "ramp"
+                kind, ((signal, value),), extent.few, extent.seeds[:1], length, signed
             )
-            add(f"{kind} {signal}", runs, judge)
+            add(f"{kind} {signal}", runs, JUDGES.get(kind, judges.judge_other))
     for signal, value in OUTLIERS:
         runs = plan.spread("spike", ((signal, value),), extent.few, extent.seeds[:1])
         add(f"single outliers of {signal}", runs, partial(_judge_outliers, signal=signal))

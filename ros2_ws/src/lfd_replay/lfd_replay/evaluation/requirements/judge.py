@@ -1,7 +1,7 @@
 """From windows to findings: the figure, the target, and whether it is met."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -175,6 +175,23 @@ def judge_in_traffic(judge: Judge) -> None:
         judge.middle(f"{signal}, median delay", delays, most)
         clear = [_clear_within(m, 1.5) for m in judge.of(signal) if m["delay"] is not None]
         judge.share(f"{signal} clear within 1.5 s", clear, 0.99)
+    judge.no_blame(0.98)
+
+
+def judge_kind_in_traffic(judge: Judge, judge_kind: Callable[[Judge], None]) -> None:
+    """Other kinds of fault while targets come and go, judged as elsewhere where one target goes on;
+    a figure of the blame wherever they do not."""
+    right = [not w["blamed"] for w in judge.windows]
+    judge.share("no healthy signal blamed, whatever the target", right, 0.98, needed=False)
+    judge.windows = [w for w in judge.windows if w["one_target"]]
+    judge_kind(judge)
+    for signal in judge.signals():
+        clear = [_clear_within(m, 1.5) for m in judge.of(signal) if m["delay"] is not None]
+        judge.share(f"{signal} clear within 1.5 s", clear, 0.99)
+
+
+def judge_blame(judge: Judge) -> None:
+    """No healthy signal is blamed."""
     judge.no_blame(0.98)
 
 

@@ -143,11 +143,13 @@ def recorded_sensors_in_traffic(extent: Extent) -> list[Run]:
     ]
 
 
-def faults_in_traffic(extent: Extent, values: tuple, signed: bool) -> list[Run]:
+def faults_in_traffic(
+    extent: Extent, kind: str, values: tuple, signed: bool, length: float = LENGTH
+) -> list[Run]:
     """Faults in traffic as the recorded sensors see it."""
     names = TRAFFIC[:: 3 * len(NORMAL) // len(extent.normal)]
     given = {"signed": signed, "sensor": RECORDED_SENSORS}
-    return spread("offset", values, names, extent.seeds[:1], **given)
+    return spread(kind, values, names, extent.seeds[:1], length, **given)
 
 
 def recorded_sensors(extent: Extent, values: tuple, signed: bool) -> list[Run]:
