@@ -60,6 +60,9 @@ LONGER = 1.4
 LEVELS, LEVEL_TIME = 32, 0.5
 """How often it is remembered where a clearance lay beside the path, and seconds in between."""
 
+LEARNT_OF_IT = 0.92
+"""Share of a drift's variance that is learnt: not what goes on to one side for two windows."""
+
 SIGMA = 5.0
 """Learnt standard deviations of the drift that make its limit."""
 
@@ -143,7 +146,8 @@ def path_limit(path, settings, widening, resolution):
 def wander(path, noise, drifted):
     """Variance in m^2 of what a clearance lies beside the path for a while, beyond its `noise` and
     what it may have `drifted` (m): a radar that sees now this, now that part of the car."""
-    return max(0.5 * (path.noise.variance - drifted * drifted) - noise / AVERAGED, 0.0)
+    variance = path.noise.variance / LEARNT_OF_IT
+    return max(0.5 * (variance - drifted * drifted) - noise / AVERAGED, 0.0)
 
 
 @inner
