@@ -27,7 +27,7 @@ from lfd_diagnosis.healthy_signal import (
     is_rough,
     learn_noise,
 )
-from lfd_diagnosis.host_speed import jerk_between, jerk_of, seems_held
+from lfd_diagnosis.host_speed import jerk_between, jerk_of, speed_seems_held
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
@@ -116,11 +116,15 @@ def against_speed(monitor, settings):
 
 
 @inner
-def speed_may_be_wrong(monitor):
+def speed_may_be_wrong(monitor, settings):
     """Whether the speed that contradicts may be held: then it tells so itself in a moment."""
+    if not settings.check_repetition:
+        return False
     then = monitor.filtered - monitor.speed.derivative_when_held - monitor.check.reference
     # Nothing but its own fault makes an accelerometer leap.
-    return not monitor.leapt_for and seems_held(monitor.speed, abs(then) <= monitor.check.limit)
+    return not monitor.leapt_for and speed_seems_held(
+        monitor.speed, abs(then) <= monitor.check.limit
+    )
 
 
 @inner

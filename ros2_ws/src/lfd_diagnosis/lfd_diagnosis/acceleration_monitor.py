@@ -173,7 +173,7 @@ def judge_acceleration(monitor, settings, horizon, relative_acceleration, lead_r
         and monitor.confidence >= settings.acceleration_steps
         # One sample alone may be an outlier, however many steps hold it.
         and monitor.new_samples >= 2
-        and not (check.ground == Ground.HOST_SPEED and speed_may_be_wrong(monitor))
+        and not (check.ground == Ground.HOST_SPEED and speed_may_be_wrong(monitor, settings))
     ):
         _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
 

@@ -231,7 +231,9 @@ REPETITION = np.dtype(
 )
 """How long a signal has said the very same number, and whether that is longer than it may.
 
-`lately`: how often it repeated itself before the present run.
+`lately`: how often it repeated itself before the present run; `odd`: samples of the present run
+since the value should have changed, `longest_odd` the most of them in a healthy one, `longest` the
+longest healthy run without them.
 """
 
 
@@ -268,6 +270,12 @@ def run_by_chance(repetition, probability):
     """How many samples in a row are equal with that probability, by how many were so far."""
     share = max(repetition.equal / max(repetition.samples, 1), repetition.lately)
     return log(probability) / log(min(max(share, 0.01), 0.99))
+
+
+@inner
+def is_beyond_chance(repetition, run):
+    """Whether so many equal samples in a row are no coincidence."""
+    return run >= max(repetition.least, run_by_chance(repetition, CHANCE))
 
 
 @inner

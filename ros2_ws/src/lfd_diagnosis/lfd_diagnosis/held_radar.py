@@ -5,6 +5,7 @@ from math import exp, sqrt
 from lfd_diagnosis.healthy_signal import (
     CHANCE,
     deviation,
+    is_beyond_chance,
     is_frozen,
     resolution_of,
     run_by_chance,
@@ -48,10 +49,9 @@ def follow_held_velocity(radar, same):
 
 
 @inner
-def seems_held(radar):
+def velocity_seems_held(radar):
     """Whether the relative velocity has said the same for longer than chance would have it."""
-    repetition = radar.velocity.repetition
-    return repetition.run >= max(repetition.least, run_by_chance(repetition, CHANCE))
+    return is_beyond_chance(radar.velocity.repetition, radar.velocity.repetition.run)
 
 
 @inner

@@ -6,13 +6,13 @@ import numpy as np
 
 from lfd_diagnosis.evidence import BECAUSE, Ground, give_ground
 from lfd_diagnosis.healthy_signal import (
-    CHANCE,
     LEARNT_NOISE,
     REPETITION,
     ROUGHNESS,
     deviation,
     excuse_repetition,
     filter_share,
+    is_beyond_chance,
     is_frozen,
     is_new,
     is_rough,
@@ -22,7 +22,6 @@ from lfd_diagnosis.healthy_signal import (
     restart_repetition,
     restart_roughness,
     rough_share,
-    run_by_chance,
     share_of,
     start_noise,
     start_repetition,
@@ -101,7 +100,10 @@ HOST_SPEED = np.dtype(
     ],
     align=True,
 )
-"""Derivative (m/s^2) of the host's speed, as long as its samples make sense."""
+"""Derivative (m/s^2) of the host's speed, as long as its samples make sense.
+
+`same`: samples in a row that are equal, those of a car that seems to stand, too.
+"""
 
 
 @inner
@@ -177,13 +179,12 @@ def _is_held(speed):
 
 
 @inner
-def seems_held(speed, agrees_with_then):
+def speed_seems_held(speed, agrees_with_then):
     """Whether it may be held by now, so that its derivative tells nothing: it has said the same for
     longer than chance would have it, or for a moment in which nothing else changed. Also that of a
     car that seems to stand."""
-    if speed.same < speed.repetition.least:
-        return False
-    return agrees_with_then or speed.same >= run_by_chance(speed.repetition, CHANCE)
+    for_a_moment = speed.same >= speed.repetition.least
+    return (for_a_moment and agrees_with_then) or is_beyond_chance(speed.repetition, speed.same)
 
 
 @inner
@@ -246,7 +247,7 @@ def _take(speed, settings, at, value, acceleration, shaken):
     take_roughness(speed.roughness, value, healthy and not is_standing(speed), 0.0)
     if is_standing(speed):
         excuse_repetition(speed.repetition, speed.faulty)
-    was_held = seems_held(speed, False)
+    was_held = speed_seems_held(speed, False)
     speed.same = speed.same + 1 if value == speed.last else 0
     equal = take_repetition(speed.repetition, value, healthy)
     if not equal:

@@ -22,9 +22,9 @@ from lfd_diagnosis.healthy_signal import (
 from lfd_diagnosis.held_radar import (
     follow_held_velocity,
     is_stuck,
-    seems_held,
     should_have_changed,
     take_back_held,
+    velocity_seems_held,
 )
 from lfd_diagnosis.lead_track import (
     believe,
@@ -374,7 +374,7 @@ def _suspect(radar, settings, signal, of_clearance, changed):
             measured = radar.measured_clearance if of_clearance else radar.measured_velocity
             rebase(radar.track, signal, measured.value, of_clearance)
             acquit(signal)
-        elif is_bad(signal) and of_clearance and _comes_back(radar):
+        elif is_bad(signal) and of_clearance and settings.check_drift and _comes_back(radar):
             rebase(radar.track, signal, radar.measured_clearance.value, True)
             acquit(signal)
             clear_path(radar.path)
@@ -406,7 +406,7 @@ def _shifts_without_path(radar, settings):
 def _take_along(radar):
     """The track goes on from where the clearance is."""
     track, clearance, measured = radar.track, radar.clearance, radar.measured_clearance
-    since = measured.at - radar.shifted_at
+    since = max(measured.at - radar.shifted_at, STEP_S)
     if since < SHIFT_AGAIN:
         # No part of a car again so soon: what is coasted is off, the lead does not go on as it did.
         off = clearance.residual / since
@@ -538,7 +538,8 @@ def _explain(radar, settings, difference, limit, reach):
     """Clearance and relative velocity contradict each other in the last `reach` s: convict one."""
     path, track, drift = radar.path, radar.track, radar.drift
     clearance, velocity = radar.clearance, radar.velocity
-    if seems_held(radar) and abs(radar.off_while_held) > 0.5 * abs(difference):
+    may_be_held = settings.check_repetition and velocity_seems_held(radar)
+    if may_be_held and abs(radar.off_while_held) > 0.5 * abs(difference):
         # Then it is not the clearance that drifts: in a moment the relative velocity tells.
         return
     held = is_held(clearance) and abs(radar.travelled_while_held) > 0.5 * abs(difference)
