@@ -170,9 +170,22 @@ def _learn(monitor, settings, off, jerk, step, slow_limit):
         learn_jump_noise(monitor.jump)
     if abs(slow) < LEAST * slow_limit:
         learn_noise(monitor.slow_noise, slow, 0.0)
+    _learn_lag(monitor, jerk)
+
+
+@inner
+def _learn_lag(monitor, jerk):
+    """From what the accelerometer felt a moment ago: whose noise is in neither side of it now.
+
+    The derivative's own jerk has the noise in it of what it is to explain, and would call a noisy
+    speed early.
+    """
+    then, now = monitor.jerk_then, jerk_between(monitor.filtered, monitor.slow_filtered)
     moved = monitor.filtered - monitor.speed.derivative - monitor.baseline
-    monitor.lag_product += jerk * moved - monitor.lag_product / LAG_MEMORY
-    monitor.lag_square += jerk * jerk - (monitor.lag_square - LAG_PRIOR) / LAG_MEMORY
+    monitor.jerk_then = now if abs(now) <= POSSIBLE_JERK else 0.0
+    monitor.lag_product += then * moved - monitor.lag_product / LAG_MEMORY
+    square = monitor.lag_square + then * jerk - (monitor.lag_square - LAG_PRIOR) / LAG_MEMORY
+    monitor.lag_square = max(square, LAG_PRIOR)
 
 
 @inner

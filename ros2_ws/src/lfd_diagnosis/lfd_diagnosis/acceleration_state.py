@@ -62,6 +62,7 @@ ACCELERATION = np.dtype(
         ("derivative_when_held", "f8"),
         # What they are held against: the host's speed.
         ("speed", HOST_SPEED),
+        ("jerk_then", "f8"),
         ("lag_product", "f8"),
         ("lag_square", "f8"),
         ("slope", "f8"),
@@ -143,6 +144,7 @@ def restart_acceleration(monitor):
     monitor.fresh, monitor.new_samples = False, 0
     monitor.filtered, monitor.burst = np.nan, 0.0
     monitor.slow_filtered, monitor.leapt_for = np.nan, 0
+    monitor.jerk_then = 0.0
     start_ring(monitor.before_jump, BEFORE_JUMP)
     start_ring(monitor.samples, SAMPLES)
     monitor.lead = monitor.lead_slow = np.nan
