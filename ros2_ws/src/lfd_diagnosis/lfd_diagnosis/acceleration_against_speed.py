@@ -135,6 +135,8 @@ def _allowance(monitor, settings):
     # A sharp manoeuvre shows every lag that is not known; the accelerometer feels it first.
     doubt = LAG_DOUBT * LAG_PRIOR / monitor.lag_square
     allowance += doubt * max(jerk - CALM_JERK, 0.0)
+    # What a shaken wheel leaps by is not held against the accelerometer.
+    allowance += monitor.speed.rattle / settings.host_speed_filter_time
     if not monitor.leapt_for:
         lag = settings.jerk_allowance + doubt
         own = jerk_between(monitor.filtered, monitor.slow_filtered)

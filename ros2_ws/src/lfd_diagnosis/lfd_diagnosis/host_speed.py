@@ -55,6 +55,9 @@ the speed may be late to say so."""
 JUMP = 0.5
 """Least jump in m/s between two samples that no car makes."""
 
+RATTLE = 2.0
+"""Standard deviations of its noise beyond which a speed leaps as no car does."""
+
 POSSIBLE_ACCELERATION = 15.0
 """m/s^2 that a car may reach, a crash apart."""
 
@@ -96,13 +99,15 @@ HOST_SPEED = np.dtype(
         ("derivative_when_held", "f8"),
         ("slow_derivative", "f8"),
         ("largest_jerk", "f8"),
+        ("rattle", "f8"),
         ("followed", "f8"),
     ],
     align=True,
 )
 """Derivative (m/s^2) of the host's speed, as long as its samples make sense.
 
-`same`: samples in a row that are equal, those of a car that seems to stand, too.
+`same`: samples in a row that are equal, those of a car that seems to stand, too. `rattle`: by how
+many m/s it leapt just now as no car does; fades as the filter forgets it.
 """
 
 
@@ -143,7 +148,7 @@ def lose_speed(speed):
 def _stop_following(speed):
     speed.filtered = speed.derivative = speed.slow_derivative = np.nan
     speed.derivative_then = speed.derivative_when_held = np.nan
-    speed.followed = speed.largest_jerk = 0.0
+    speed.followed = speed.largest_jerk = speed.rattle = 0.0
 
 
 @inner
@@ -234,6 +239,7 @@ def follow_speed(speed, settings, now, at, value, acceleration, shaken):
     # Between two samples it goes on as it did: steps of a slow sensor are no jerks.
     value += speed.derivative_then * (now - at)
     speed.filtered += filter_share(filter_time) * (value - speed.filtered)
+    speed.rattle -= filter_share(filter_time) * speed.rattle
     speed.derivative = (value - speed.filtered) / filter_time
     speed.slow_derivative += JERK_SHARE * (speed.derivative - speed.slow_derivative)
     faded = speed.largest_jerk * (1.0 - JERK_FADES)
@@ -265,6 +271,9 @@ def _take(speed, settings, at, value, acceleration, shaken):
             if value == 0.0:
                 speed.followed = -DEAD_TIME
         else:
+            if isfinite(speed.derivative):
+                leap = abs(value - speed.last - speed.derivative_then * period)
+                speed.rattle = max(speed.rattle, leap - RATTLE * deviation(speed.noise))
             _check_jump(speed, value, period, acceleration, was_held)
     speed.last, speed.last_at = value, at
     speed.derivative_then = speed.derivative
