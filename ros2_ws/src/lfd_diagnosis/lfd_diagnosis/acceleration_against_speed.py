@@ -27,10 +27,12 @@ from lfd_diagnosis.healthy_signal import (
     is_rough,
     learn_noise,
 )
-from lfd_diagnosis.host_speed import jerk_between, jerk_of, speed_seems_held
+from lfd_diagnosis.host_speed import JERK_FILTER, JERK_SHARE, jerk_between, jerk_of, speed_seems_held
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
+
+DEAD = 2.0
 
 WARM_UP = 3.0
 """Seconds over which the limits come down from thrice to once their width."""
@@ -77,7 +79,13 @@ THERE = 0.75
 def against_speed(monitor, settings):
     """Against the derivative of the host's speed."""
     jerk = jerk_of(monitor.speed)
-    derivative = monitor.speed.derivative + _lag(monitor, settings) * jerk
+    own = jerk_between(monitor.filtered, monitor.slow_filtered)
+    if not monitor.leapt_for:
+        monitor.trusted_jerk = own - max(-DEAD, min(DEAD, own))
+    else:
+        monitor.trusted_jerk *= 1.0 - JERK_SHARE
+    lag, smooth = _lag(monitor, settings)
+    derivative = monitor.speed.derivative + lag * jerk + smooth * (jerk - monitor.trusted_jerk)
     off = monitor.filtered - derivative
     follow_difference(monitor.jump, newest_sample(monitor) - derivative)
     if monitor.faulty:
@@ -146,10 +154,12 @@ def _allowance(monitor, settings):
 
 @inner
 def _lag(monitor, settings):
-    """How much the speed lags behind the accelerometer, in s."""
+    """How much the speed lags behind the accelerometer, and by how much it is smoothed, in s."""
     if not settings.learn_noise:
-        return 0.0
-    return max(-LARGEST_LAG, min(LARGEST_LAG, monitor.lag_product / monitor.lag_square))
+        return 0.0, 0.0
+    lag = max(-LARGEST_LAG, min(LARGEST_LAG, monitor.lag_product / monitor.lag_square))
+    best = max(-LARGEST_LAG, min(LARGEST_LAG, monitor.best_product / monitor.best_square))
+    return lag, max(-JERK_FILTER, min(0.0, best - lag))
 
 
 @inner
@@ -182,8 +192,10 @@ def _learn_lag(monitor, jerk):
     The derivative's own jerk has the noise in it of what it is to explain, and would call a noisy
     speed early.
     """
-    then, now = monitor.jerk_then, jerk_between(monitor.filtered, monitor.slow_filtered)
     moved = monitor.filtered - monitor.speed.derivative - monitor.baseline
+    monitor.best_product += jerk * moved - monitor.best_product / LAG_MEMORY
+    monitor.best_square += jerk * jerk - (monitor.best_square - LAG_PRIOR) / LAG_MEMORY
+    then, now = monitor.jerk_then, jerk_between(monitor.filtered, monitor.slow_filtered)
     monitor.jerk_then = now if abs(now) <= POSSIBLE_JERK else 0.0
     monitor.lag_product += then * moved - monitor.lag_product / LAG_MEMORY
     square = monitor.lag_square + then * jerk - (monitor.lag_square - LAG_PRIOR) / LAG_MEMORY

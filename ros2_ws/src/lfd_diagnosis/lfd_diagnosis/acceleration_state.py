@@ -63,6 +63,9 @@ ACCELERATION = np.dtype(
         # What they are held against: the host's speed.
         ("speed", HOST_SPEED),
         ("jerk_then", "f8"),
+        ("trusted_jerk", "f8"),
+        ("best_product", "f8"),
+        ("best_square", "f8"),
         ("lag_product", "f8"),
         ("lag_square", "f8"),
         ("slope", "f8"),
@@ -126,6 +129,7 @@ def start_acceleration(monitor, settings):
     start_noise(monitor.report_noise, max(0.25, settings.lead_report_std), 0.1, 1.0, learn, 2000)
     start_jump(monitor.jump, learn)
     monitor.lag_product, monitor.lag_square = 0.0, LAG_PRIOR
+    monitor.best_product, monitor.best_square = 0.0, LAG_PRIOR
     monitor.ticks = 0
     restart_acceleration(monitor)
 
@@ -144,7 +148,7 @@ def restart_acceleration(monitor):
     monitor.fresh, monitor.new_samples = False, 0
     monitor.filtered, monitor.burst = np.nan, 0.0
     monitor.slow_filtered, monitor.leapt_for = np.nan, 0
-    monitor.jerk_then = 0.0
+    monitor.jerk_then = monitor.trusted_jerk = 0.0
     start_ring(monitor.before_jump, BEFORE_JUMP)
     start_ring(monitor.samples, SAMPLES)
     monitor.lead = monitor.lead_slow = np.nan
