@@ -85,6 +85,8 @@ def against_speed(monitor, settings):
     else:
         monitor.trusted_jerk *= 1.0 - JERK_SHARE
     lag, smooth = _lag(monitor, settings)
+    if monitor.speed.rattles_for:
+        smooth = -JERK_FILTER
     derivative = monitor.speed.derivative + lag * jerk + smooth * (jerk - monitor.trusted_jerk)
     off = monitor.filtered - derivative
     follow_difference(monitor.jump, newest_sample(monitor) - derivative)
@@ -143,8 +145,6 @@ def _allowance(monitor, settings):
     # A sharp manoeuvre shows every lag that is not known; the accelerometer feels it first.
     doubt = LAG_DOUBT * LAG_PRIOR / monitor.lag_square
     allowance += doubt * max(jerk - CALM_JERK, 0.0)
-    # What a shaken wheel leaps by is not held against the accelerometer.
-    allowance += monitor.speed.rattle / settings.host_speed_filter_time
     if not monitor.leapt_for:
         lag = settings.jerk_allowance + doubt
         own = jerk_between(monitor.filtered, monitor.slow_filtered)

@@ -55,8 +55,9 @@ the speed may be late to say so."""
 JUMP = 0.5
 """Least jump in m/s between two samples that no car makes."""
 
-RATTLE = 2.0
-"""Standard deviations of its noise beyond which a speed leaps as no car does."""
+RATTLE, RATTLES = 4.0, 20
+"""Standard deviations of its noise beyond which a speed leaps as no car does, and for how many
+steps a wheel that was shaken is not believed to the last."""
 
 POSSIBLE_ACCELERATION = 15.0
 """m/s^2 that a car may reach, a crash apart."""
@@ -99,15 +100,14 @@ HOST_SPEED = np.dtype(
         ("derivative_when_held", "f8"),
         ("slow_derivative", "f8"),
         ("largest_jerk", "f8"),
-        ("rattle", "f8"),
+        ("rattles_for", "i8"),
         ("followed", "f8"),
     ],
     align=True,
 )
 """Derivative (m/s^2) of the host's speed, as long as its samples make sense.
 
-`same`: samples in a row that are equal, those of a car that seems to stand, too. `rattle`: by how
-many m/s it leapt just now as no car does; fades as the filter forgets it.
+`same`: samples in a row that are equal, those of a car that seems to stand, too.
 """
 
 
@@ -148,7 +148,8 @@ def lose_speed(speed):
 def _stop_following(speed):
     speed.filtered = speed.derivative = speed.slow_derivative = np.nan
     speed.derivative_then = speed.derivative_when_held = np.nan
-    speed.followed = speed.largest_jerk = speed.rattle = 0.0
+    speed.followed = speed.largest_jerk = 0.0
+    speed.rattles_for = 0
 
 
 @inner
@@ -236,10 +237,10 @@ def follow_speed(speed, settings, now, at, value, acceleration, shaken):
         speed.slow_derivative = acceleration
         speed.filtered = value - acceleration * filter_time
         speed.derivative_then = acceleration
+    speed.rattles_for = max(speed.rattles_for - 1, 0)
     # Between two samples it goes on as it did: steps of a slow sensor are no jerks.
     value += speed.derivative_then * (now - at)
     speed.filtered += filter_share(filter_time) * (value - speed.filtered)
-    speed.rattle -= filter_share(filter_time) * speed.rattle
     speed.derivative = (value - speed.filtered) / filter_time
     speed.slow_derivative += JERK_SHARE * (speed.derivative - speed.slow_derivative)
     faded = speed.largest_jerk * (1.0 - JERK_FADES)
@@ -273,7 +274,8 @@ def _take(speed, settings, at, value, acceleration, shaken):
         else:
             if isfinite(speed.derivative):
                 leap = abs(value - speed.last - speed.derivative_then * period)
-                speed.rattle = max(speed.rattle, leap - RATTLE * deviation(speed.noise))
+                if leap > RATTLE * deviation(speed.noise):
+                    speed.rattles_for = RATTLES
             _check_jump(speed, value, period, acceleration, was_held)
     speed.last, speed.last_at = value, at
     speed.derivative_then = speed.derivative
