@@ -37,6 +37,10 @@ DEAD = 2.0
 WARM_UP = 3.0
 """Seconds over which the limits come down from thrice to once their width."""
 
+STILL_KNOWN, SLOPE_DOUBT = 1.0, 0.5
+"""Seconds of learning that a slope is worth however long nothing was heard of it, and how many of
+them each second of that takes."""
+
 LAG_DOUBT, CALM_JERK, LAG_MOST = 0.15, 4.0, 1.5
 """s by which the lag may differ from what is known of it before a jerk has told it, m/s^3 up to
 which that does not matter, and m/s^2 that the accelerometer may be ahead at most."""
@@ -123,6 +127,14 @@ def against_speed(monitor, settings):
         monitor.reference = np.nan
         healthy = abs(step) < LEAST * step_limit
         _learn(monitor, settings, off, jerk, step if healthy else np.nan, slow_limit)
+
+
+@inner
+def doubt_slope(monitor):
+    """A step without the speed: the slope of the road may change meanwhile."""
+    least = min(monitor.slope_known, STILL_KNOWN)
+    known = min(monitor.slope_known, WARM_UP) - SLOPE_DOUBT * STEP_S
+    monitor.slope_known = max(known, least)
 
 
 @inner

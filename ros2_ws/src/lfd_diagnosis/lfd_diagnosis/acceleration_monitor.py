@@ -10,7 +10,11 @@ from lfd_diagnosis.acceleration_against_lead import (
     against_lead,
     follow_lead,
 )
-from lfd_diagnosis.acceleration_against_speed import against_speed, speed_may_be_wrong
+from lfd_diagnosis.acceleration_against_speed import (
+    against_speed,
+    doubt_slope,
+    speed_may_be_wrong,
+)
 from lfd_diagnosis.acceleration_jump import is_measured, restart_jump
 from lfd_diagnosis.acceleration_size import DRIFT_TIME, SLOPE_DRIFT, find_size
 from lfd_diagnosis.acceleration_state import (
@@ -145,6 +149,8 @@ def judge_acceleration(monitor, settings, horizon, relative_acceleration, lead_r
     else:
         forget_baseline(monitor)
         restart_jump(monitor.jump)
+        if not monitor.faulty:
+            doubt_slope(monitor)
         against_lead(monitor, settings, lead_report)
     exceeded = is_exceeded(check)
     _count(monitor, settings, exceeded)
