@@ -27,12 +27,19 @@ from lfd_diagnosis.healthy_signal import (
     is_rough,
     learn_noise,
 )
-from lfd_diagnosis.host_speed import JERK_FILTER, JERK_SHARE, jerk_between, jerk_of, speed_seems_held
+from lfd_diagnosis.host_speed import (
+    JERK_FILTER,
+    JERK_SHARE,
+    jerk_between,
+    jerk_of,
+    speed_seems_held,
+)
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
 
-DEAD = 2.0
+GENTLE = 2.0
+"""m/s^3 up to which the accelerometer's jerk may as well be its noise, or a fault."""
 
 WARM_UP = 3.0
 """Seconds over which the limits come down from thrice to once their width."""
@@ -85,7 +92,7 @@ def against_speed(monitor, settings):
     jerk = jerk_of(monitor.speed)
     own = jerk_between(monitor.filtered, monitor.slow_filtered)
     if not monitor.leapt_for:
-        monitor.trusted_jerk = own - max(-DEAD, min(DEAD, own))
+        monitor.trusted_jerk = own - max(-GENTLE, min(GENTLE, own))
     else:
         monitor.trusted_jerk *= 1.0 - JERK_SHARE
     lag, smooth = _lag(monitor, settings)

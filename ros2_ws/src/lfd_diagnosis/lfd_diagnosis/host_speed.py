@@ -272,10 +272,12 @@ def _take(speed, settings, at, value, acceleration, shaken):
             if value == 0.0:
                 speed.followed = -DEAD_TIME
         else:
-            if isfinite(speed.derivative):
-                leap = abs(value - speed.last - speed.derivative_then * period)
-                if leap > RATTLE * deviation(speed.noise):
-                    speed.rattles_for = RATTLES
+            leap = abs(value - speed.last - speed.derivative_then * period)
+            if leap > RATTLE * deviation(speed.noise):
+                speed.rattles_for = RATTLES
+                if was_held and settings.check_repetition:
+                    # What it jumps by is what it missed.
+                    _stop_following(speed)
             _check_jump(speed, value, period, acceleration, was_held)
     speed.last, speed.last_at = value, at
     speed.derivative_then = speed.derivative
