@@ -90,17 +90,14 @@ THERE = 0.75
 def against_speed(monitor, settings):
     """Against the derivative of the host's speed."""
     jerk = jerk_of(monitor.speed)
-    own = jerk_between(monitor.filtered, monitor.slow_filtered)
-    if not monitor.leapt_for:
-        monitor.trusted_jerk = own - max(-GENTLE, min(GENTLE, own))
-    else:
-        monitor.trusted_jerk *= 1.0 - JERK_SHARE
     lag, smooth = _lag(monitor, settings)
     if monitor.speed.rattles_for:
         smooth = -JERK_FILTER
-    derivative = monitor.speed.derivative + lag * jerk + smooth * (jerk - monitor.trusted_jerk)
-    off = monitor.filtered - derivative
+    derivative = monitor.speed.derivative + (lag + smooth) * jerk
     follow_difference(monitor.jump, newest_sample(monitor) - derivative)
+    # What smoothing made late, and the accelerometer tells by now.
+    _follow_own_jerk(monitor)
+    off = monitor.filtered - derivative + smooth * monitor.own_jerk
     if monitor.faulty:
         _still_off(monitor, settings, off)
         return
@@ -154,6 +151,16 @@ def speed_may_be_wrong(monitor, settings):
     return not monitor.leapt_for and speed_seems_held(
         monitor.speed, abs(then) <= monitor.check.limit
     )
+
+
+@inner
+def _follow_own_jerk(monitor):
+    """The accelerometer's jerk, as far as a manoeuvre may have made it."""
+    own = jerk_between(monitor.filtered, monitor.slow_filtered)
+    if monitor.leapt_for:
+        monitor.own_jerk *= 1.0 - JERK_SHARE
+    else:
+        monitor.own_jerk = own - max(-GENTLE, min(GENTLE, own))
 
 
 @inner

@@ -63,7 +63,7 @@ ACCELERATION = np.dtype(
         # What they are held against: the host's speed.
         ("speed", HOST_SPEED),
         ("jerk_then", "f8"),
-        ("trusted_jerk", "f8"),
+        ("own_jerk", "f8"),
         ("best_product", "f8"),
         ("best_square", "f8"),
         ("lag_product", "f8"),
@@ -148,7 +148,7 @@ def restart_acceleration(monitor):
     monitor.fresh, monitor.new_samples = False, 0
     monitor.filtered, monitor.burst = np.nan, 0.0
     monitor.slow_filtered, monitor.leapt_for = np.nan, 0
-    monitor.jerk_then = monitor.trusted_jerk = 0.0
+    monitor.jerk_then = monitor.own_jerk = 0.0
     start_ring(monitor.before_jump, BEFORE_JUMP)
     start_ring(monitor.samples, SAMPLES)
     monitor.lead = monitor.lead_slow = np.nan
