@@ -99,6 +99,8 @@ def against_speed(monitor, settings):
     _follow_own_jerk(monitor)
     off = monitor.filtered - derivative + smooth * monitor.own_jerk
     if monitor.faulty:
+        if monitor.kind == Kind.HOLD or monitor.kind == Kind.ZERO:
+            doubt_slope(monitor)
         _still_off(monitor, settings, off)
         return
     if isnan(monitor.baseline):
@@ -135,7 +137,7 @@ def against_speed(monitor, settings):
 
 @inner
 def doubt_slope(monitor):
-    """A step without the speed: the slope of the road may change meanwhile."""
+    """A step that tells nothing of the slope of the road, which may change meanwhile."""
     least = min(monitor.slope_known, STILL_KNOWN)
     known = min(monitor.slope_known, WARM_UP) - SLOPE_DOUBT * STEP_S
     monitor.slope_known = max(known, least)
