@@ -164,13 +164,17 @@ def judge_acceleration(monitor, settings, horizon, relative_acceleration, lead_r
         and not (usable and is_standing(speed))
     )
     rough = settings.check_roughness and _seems_rough(monitor, usable)
-    if monitor.faulty:
-        held = settings.check_repetition and is_frozen(monitor.repetition, True)
-        _requalify(monitor, settings, exceeded or held or rough)
-    elif frozen:
+    held = frozen and (not monitor.faulty or _is_gauged(monitor))
+    if held:
+        if monitor.faulty:
+            # What looked like an offset was where it stopped.
+            monitor.reference = monitor.slope_before
         kind = Kind.ZERO if horizon.measured_acceleration == 0.0 else Kind.HOLD
         run = monitor.repetition.run + 1
         _convict(monitor, settings, kind, Ground.REPETITION, run, 0.0)
+    elif monitor.faulty:
+        still = settings.check_repetition and is_frozen(monitor.repetition, True)
+        _requalify(monitor, settings, exceeded or still or rough)
     elif rough:
         share = rough_share(monitor.roughness)
         _convict(monitor, settings, Kind.NOISE, Ground.ROUGHNESS, share, 0.0)
@@ -182,6 +186,12 @@ def judge_acceleration(monitor, settings, horizon, relative_acceleration, lead_r
         and not (check.ground == Ground.HOST_SPEED and speed_may_be_wrong(monitor, settings))
     ):
         _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
+
+
+@inner
+def _is_gauged(monitor):
+    """Whether it is said to be off by some figure."""
+    return monitor.kind == Kind.OFFSET or monitor.kind == Kind.RAMP
 
 
 @inner
