@@ -55,7 +55,7 @@ the speed may be late to say so."""
 JUMP = 0.5
 """Least jump in m/s between two samples that no car makes."""
 
-RATTLE, RATTLES = 4.0, 20
+RATTLE, RATTLES = 4.0, 10
 """Standard deviations of its noise beyond which a speed leaps as no car does, and for how many
 steps a wheel that was shaken is not believed to the last."""
 
