@@ -436,6 +436,19 @@ def test_a_host_speed_that_fell_to_zero_is_faulty_until_it_moves_again(car: Car)
     assert car.faults_since(0) == {"host_speed"}
 
 
+@pytest.mark.parametrize("slope", [1.3, -1.3])
+def test_while_the_speed_is_missing_the_slope_may_change(car: Car, slope: float) -> None:
+    start, car.host_speed = car.number, False
+    for k in range(1000):
+        car.step(acceleration=slope * k / 1000)
+    car.host_speed = True
+    report = car.drive(5.0, acceleration=slope).report
+    assert not car.faults_since(start)
+    assert report.acceleration.state == State.OK
+    car.drive(0.3, acceleration=slope + 4.0)
+    assert car.faults_since(start) == {"acceleration"}
+
+
 def test_without_host_speed_a_jump_of_the_acceleration_is_found() -> None:
     car = Car(host_speed=False)
     car.drive(8.0)
@@ -990,6 +1003,37 @@ def test_a_wheel_that_swings_while_braking_hard_is_no_fault(car: Car) -> None:
     assert not car.faults_since(start)
 
 
+@pytest.mark.parametrize("jerk", [25.0, 40.0])
+def test_hard_braking_is_no_fault_though_a_noisy_speed_is_late(car: Car, jerk: float) -> None:
+    """The noise of its derivative must not make it seem early."""
+    random, start, wheel = Random(0), car.number, 0.0
+    late = [0.0] * 15
+    course = [sin(2.0 * pi * k / 300) for k in range(3000)]
+    for acceleration in course + [max(-0.01 * jerk * k, -8.0) for k in range(100)]:
+        late.append(acceleration)
+        car.speed += 0.01 * late.pop(0)
+        wheel = 0.8 * wheel + random.gauss(0.0, 0.018)
+        car.step(acceleration=acceleration, host_speed=wheel)
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize(("braking", "swing"), [(-5.0, 0.6), (-5.0, -0.6), (-7.0, 0.6)])
+@pytest.mark.parametrize("steps", [10, 13, 16])
+def test_a_jolt_while_braking_with_a_late_speed_is_no_fault(
+    car: Car, braking: float, swing: float, steps: int
+) -> None:
+    """A wheel that is shaken leaps as no car does: its speed tells less for a moment."""
+    start, late = car.number, [0.0] * 5
+    jolt = [sin(2.0 * pi * k / steps) for k in range(steps)]
+    for k in range(1000):
+        acceleration = sin(2.0 * pi * k / 300) if k < 800 else max(-0.1 * (k - 800), braking)
+        late.append(acceleration)
+        car.speed += 0.01 * late.pop(0)
+        shaken = jolt[k - 830] if 0 <= k - 830 < steps else 0.0
+        car.step(acceleration=acceleration + 2.0 * shaken, host_speed=swing * shaken)
+    assert not car.faults_since(start)
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_radar_that_goes_over_to_another_part_does_not_end_a_fault(car: Car, sign: float) -> None:
     """Off by as much the other way, the clearance agrees; the fault is over when it jumps back."""
@@ -1364,6 +1408,18 @@ def test_a_held_acceleration_is_rebuilt_from_the_speed(car: Car) -> None:
         now = car.step(acceleration_is=4.0).reconstruction
         if k > 50:
             assert now.acceleration == pytest.approx(acceleration, abs=0.5)
+
+
+def test_an_acceleration_that_jumps_and_stays_there_is_held_and_no_offset(car: Car) -> None:
+    start = car.number
+    for k in range(500):
+        acceleration = 0.8 * sin(2.0 * pi * k / 400)
+        car.speed += 0.01 * acceleration
+        held = car.step(acceleration_is=4.0).report.acceleration
+    assert held.kind == Kind.HOLD and "same value" in held.reason
+    report = car.drive(0.7).report
+    assert report.acceleration.state == State.OK
+    assert car.faults_since(start) == {"acceleration"}
 
 
 @pytest.mark.parametrize("offset", [2.0, -4.0])
