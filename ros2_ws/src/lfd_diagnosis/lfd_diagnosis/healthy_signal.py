@@ -259,7 +259,7 @@ def is_frozen(repetition, should_change):
         chance = run_by_chance(repetition, CHANCE)
         # A run that was too long to be chance may have been a fault that nobody could tell.
         longest = min(1.5 * repetition.longest + 2.0, NO_CHANCE * chance)
-        odd = 1.5 * repetition.longest_odd + 2.0
+        odd = min(1.5 * repetition.longest_odd + 2.0, chance)
         return repetition.odd >= odd and repetition.run >= max(longest, chance)
     longest = max(2.0 * repetition.longest + 2.0, run_by_chance(repetition, REMOTE))
     return repetition.run >= UNCHANGED * longest

@@ -24,6 +24,12 @@ HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 
 its resolution, by host and lead, and m/s^2 of doubt about the lead after a second; or deviations of
 the clearance's noise by which that leaves the path, filtered by a share."""
 
+EXPECTED_SIGMA = 3.0
+"""Standard deviations by which what is expected may be off."""
+
+AT_REST = 0.5
+"""Speed of a lead in m/s below which it brakes no further."""
+
 UNKNOWN_LEAD = 1.5
 """m/s^2 that a lead may accelerate by when it comes into view."""
 
@@ -40,7 +46,10 @@ def follow_held_velocity(radar, same):
         begin_to_hold(radar)
         return
     period = velocity.at - radar.velocity.last_at
-    radar.changed_while_held += (radar.lead_when_held - radar.host) * period
+    lead = radar.lead_when_held
+    if radar.host_speed + velocity.value < AT_REST:
+        lead = max(lead, 0.0)
+    radar.changed_while_held += (lead - radar.host) * period
     radar.most_changed = max(radar.most_changed, abs(radar.changed_while_held))
     radar.clearance_when_held += velocity.value * period
     if clearance.new:
@@ -64,7 +73,9 @@ def begin_to_hold(radar):
     radar.time_while_held = radar.host_gain_while_held = radar.host_path_while_held = 0.0
     # What is held was measured; a zero was not, and may be off from its first sample on.
     expected = track.velocity - velocity.age * (track.acceleration - radar.host)
-    radar.changed_while_held = expected if velocity.value == 0.0 else 0.0
+    vague = EXPECTED_SIGMA * sqrt(track.vv + radar.velocity.noise.variance)
+    beyond = expected - max(-vague, min(vague, expected))
+    radar.changed_while_held = beyond if velocity.value == 0.0 else 0.0
     radar.most_changed = abs(radar.changed_while_held)
     radar.held_since = velocity.at
     radar.clearance_when_held = track.clearance - velocity.age * track.velocity
@@ -96,11 +107,15 @@ def take_back_held(radar, settings, age):
 
 
 @inner
-def is_stuck(radar, signal, of_clearance, changed):
+def is_stuck(radar, settings, signal, of_clearance, changed):
     """A value repeated for too long, or though it should have `changed`."""
     if of_clearance and not _repeats_itself(radar):
         return changed and is_held(signal)
-    return radar.host_moves and is_frozen(signal.repetition, changed)
+    if not radar.host_moves:
+        return False
+    if not of_clearance and _has_left(radar, settings) and velocity_seems_held(radar):
+        return True
+    return is_frozen(signal.repetition, changed)
 
 
 @inner
@@ -128,9 +143,18 @@ def should_have_changed(radar, settings, signal, of_clearance):
     known_for = max(radar.held_since - radar.begun_at, 0.0)
     change = max(HELD_CHANGE, CHANGE_STEPS * step) + LEAD_DOUBT * max(held_for - 1.0, 0.0)
     change += UNKNOWN_LEAD * exp(-known_for / SLOW) * held_for
+    return radar.most_changed > change or _has_left(radar, settings)
+
+
+@inner
+def _has_left(radar, settings):
+    """Whether the clearance has left the path of a relative velocity that repeats itself."""
+    clearance, velocity = radar.clearance, radar.velocity
+    if clearance.faulty or is_bad(clearance):
+        # Off itself, it tells nothing.
+        return False
+    held_for = velocity.last_at - radar.held_since
     beside = sqrt(clearance.noise.variance + WANDERING * wander_of(radar, settings))
-    off = HELD_OFF * beside + 0.5 * step * held_for
+    off = HELD_OFF * beside + 0.5 * resolution_of(velocity.roughness) * held_for
     off += 0.5 * resolution_of(clearance.roughness)
-    # A clearance that is off itself tells nothing.
-    tells = not clearance.faulty and not is_bad(clearance)
-    return radar.most_changed > change or (tells and abs(radar.off_while_held) > off)
+    return abs(radar.off_while_held) > off

@@ -357,7 +357,7 @@ def _suspect(radar, settings, signal, of_clearance, changed):
     """Whether a signal that was healthy still is."""
     if radar.leap.waits:
         return
-    stuck = settings.check_repetition and is_stuck(radar, signal, of_clearance, changed)
+    stuck = settings.check_repetition and is_stuck(radar, settings, signal, of_clearance, changed)
     if signal.confidence >= settings.scan_confidence_threshold:
         has_path = of_clearance and radar.path.count > 0
         gradual = has_path and _is_gradual(radar, settings)
