@@ -19,6 +19,9 @@ OBSERVABLE = 5.0
 MOVED = {"clearance": 0.5, "relative_velocity": 0.3, "acceleration": 0.3, "host_speed": 0.3}
 """Error of a held signal from which on it has moved enough to tell, in its unit."""
 
+OWN = ("acceleration", "host_speed")
+"""The signals of the host's own sensors."""
+
 TIMEOUT = 0.2
 """Seconds of silence after which NO_DATA must be said at 20 Hz: 0.15 s, and a scan."""
 
@@ -212,19 +215,24 @@ def judge_held(judge: Judge) -> None:
     (signal,) = judge.signals()
     judge.share(
         "found within 0.5 s of having moved enough",
-        [_told_in_time(m, MOVED[signal]) for m in judge.of(signal) if _moved(m, MOVED[signal])],
+        [_told_in_time(m, signal) for m in judge.of(signal) if _moved(m, signal)],
         0.99,
     )
     judge.no_blame(0.98)
 
 
-def _moved(made: dict, enough: float) -> float | None:
-    """Seconds after which a held signal has moved enough to tell; None if never."""
-    return next(((k + 1) * 0.1 for k, e in enumerate(made["rms"]) if e > enough), None)
+def _moved(made: dict, signal: str) -> float | None:
+    """Seconds after which a held signal has moved enough to tell; None if never.
+
+    What a standing or crawling car's own sensors repeat tells nothing.
+    """
+    tells = made["drives"] if signal in OWN else [True] * len(made["rms"])
+    steps = enumerate(zip(made["rms"], tells, strict=True))
+    return next(((k + 1) * 0.1 for k, (e, told) in steps if e > MOVED[signal] and told), None)
 
 
-def _told_in_time(made: dict, enough: float) -> bool:
-    moved = _moved(made, enough)
+def _told_in_time(made: dict, signal: str) -> bool:
+    moved = _moved(made, signal)
     return moved is not None and made["delay"] is not None and made["delay"] <= moved + 0.5
 
 
@@ -232,7 +240,7 @@ def judge_held_radar(judge: Judge) -> None:
     """A radar that says the same again and again: both signals are found, and believed again."""
     for signal in judge.signals():
         made = judge.of(signal)
-        moved = [m["delay"] is not None for m in made if _moved(m, MOVED[signal])]
+        moved = [m["delay"] is not None for m in made if _moved(m, signal)]
         judge.share(f"{signal} found where it moved enough", moved, 0.99)
         judge.share(f"{signal} clear within 5 s", [_clear_within(m, 5.0) for m in made], 0.99)
     judge.no_blame(0.98)

@@ -39,6 +39,9 @@ WATCHED = (*JUDGED, "host_speed")
 AFTER = 3.0
 """Seconds after a window in which a flag on a healthy signal counts as its blame."""
 
+CRAWL = 2.0
+"""m/s below which a car stands or crawls: wheels and accelerometers repeat themselves then."""
+
 LEAD_PERIOD, LEAD_DELAY, LEAD_NOISE = 0.1, 0.1, 0.2
 """The V2V messages of generated drives: period and delay in s, noise in m/s^2."""
 
@@ -238,10 +241,14 @@ def _false_events(view: Seen, faults: list[Fault]) -> dict[str, list[float]]:
 
 
 def _window(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
-    """One fault: delays, blame, kind, size, and how well the signals were rebuilt."""
+    """One fault: delays, blame, kind, size, and how well the signals were rebuilt.
+
+    `drives`: whether the car drove faster than at a crawl, by tenths of a second, as `rms` is.
+    """
     start, end = fault.start * 1e-9, fault.end * 1e-9
     times = view.times
     inside = (times >= start) & (times < end)
+    drives = ~(healthy[:, WATCHED.index(HOST_SPEED)] < CRAWL)
     signals = {}
     for name in fault.signals:
         flags = view.flags[name]
@@ -258,6 +265,7 @@ def _window(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
             "back_after": _after(back, end),
             **_named(view, name, inside, times, end),
             **_error(error[:, WATCHED.index(name)], times, start, inside, at),
+            "drives": [bool(part[-1]) for part in _tenths(drives, inside)],
         }
     watched = (times >= start) & (times < end + AFTER)
     around = (times >= start - AFTER) & (times < end + AFTER)
@@ -301,12 +309,17 @@ def _error(
     """
     onset = np.abs(error[inside & (times < start + 0.1)])
     found = None if at is None else np.abs(error[np.searchsorted(times, at)])
-    slices = np.array_split(np.nan_to_num(error[inside]), max(round(inside.sum() / 10), 1))
+    slices = _tenths(np.nan_to_num(error), inside)
     return {
         "onset": _number(np.nanmax(onset)) if np.isfinite(onset).any() else None,
         "at_found": None if found is None else _number(found),
         "rms": [round(float(np.sqrt(np.mean(part**2))), 4) for part in slices],
     }
+
+
+def _tenths(values: NDArray, inside: NDArray[np.bool_]) -> list[NDArray]:
+    """A window's values by tenths of a second."""
+    return np.array_split(values[inside], max(round(inside.sum() / 10), 1))
 
 
 def _number(value: float) -> float | None:
