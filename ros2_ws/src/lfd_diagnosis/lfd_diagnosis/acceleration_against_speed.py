@@ -30,6 +30,7 @@ from lfd_diagnosis.healthy_signal import (
 from lfd_diagnosis.host_speed import (
     JERK_FILTER,
     JERK_SHARE,
+    is_standing,
     jerk_between,
     jerk_of,
     speed_seems_held,
@@ -43,6 +44,9 @@ GENTLE = 2.0
 
 WARM_UP = 3.0
 """Seconds over which the limits come down from thrice to once their width."""
+
+RESTED = 2.0
+"""Seconds for which a lead must have been at rest before a car that seems to stand surely does."""
 
 STILL_KNOWN, SLOPE_DOUBT = 1.0, 0.5
 """Seconds of learning that a slope is worth however long nothing was heard of it, and how many of
@@ -146,7 +150,9 @@ def doubt_slope(monitor):
 @inner
 def speed_may_be_wrong(monitor, settings):
     """Whether the speed that contradicts may be held: then it tells so itself in a moment."""
-    if not settings.check_repetition:
+    resting = is_standing(monitor.speed) and monitor.lead_rests_for >= RESTED
+    if resting or not settings.check_repetition:
+        # A car that drove off would have left its lead, or followed one that is not at rest.
         return False
     then = monitor.filtered - monitor.speed.derivative_when_held - monitor.check.reference
     # Nothing but its own fault makes an accelerometer leap.

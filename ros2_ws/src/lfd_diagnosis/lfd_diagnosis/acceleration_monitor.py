@@ -67,6 +67,9 @@ HELD_CHANGE, HELD_STEPS = 0.2, 2.5
 """m/s^2, and steps of its resolution, by which the speed's derivative must change while the
 accelerometer repeats itself."""
 
+AT_REST = 0.3
+"""m/s of relative velocity up to which the lead may as well rest with the car."""
+
 SECOND_DIFFERENCES = 6.0
 """How much larger than the variance of a white noise that of its second differences is."""
 
@@ -133,8 +136,10 @@ def _follow_samples(monitor, settings, time, value):
 
 
 @inner
-def judge_acceleration(monitor, settings, horizon, relative_acceleration, lead_report):
-    """Judge the step; `relative_acceleration` in m/s^2, NaN where the radar tells nothing."""
+def judge_acceleration(
+    monitor, settings, horizon, relative_acceleration, relative_velocity, lead_report
+):
+    """Judge the step; m/s^2 and m/s of the lead, NaN where the radar tells nothing."""
     check, speed = monitor.check, monitor.speed
     if horizon.acceleration_stale:
         monitor.confidence, monitor.corrected = 0, False
@@ -142,6 +147,8 @@ def judge_acceleration(monitor, settings, horizon, relative_acceleration, lead_r
         restart_jump(monitor.jump)
         return
     monitor.ticks += 1
+    rests = abs(relative_velocity) < AT_REST
+    monitor.lead_rests_for = monitor.lead_rests_for + STEP_S if rests else 0.0
     follow_lead(monitor, relative_acceleration)
     usable = is_usable(speed, settings)
     if usable:

@@ -62,6 +62,7 @@ ACCELERATION = np.dtype(
         ("derivative_when_held", "f8"),
         # What they are held against: the host's speed.
         ("speed", HOST_SPEED),
+        ("lead_rests_for", "f8"),
         ("jerk_then", "f8"),
         ("own_jerk", "f8"),
         ("best_product", "f8"),
@@ -148,7 +149,7 @@ def restart_acceleration(monitor):
     monitor.fresh, monitor.new_samples = False, 0
     monitor.filtered, monitor.burst = np.nan, 0.0
     monitor.slow_filtered, monitor.leapt_for = np.nan, 0
-    monitor.jerk_then = monitor.own_jerk = 0.0
+    monitor.jerk_then = monitor.own_jerk = monitor.lead_rests_for = 0.0
     start_ring(monitor.before_jump, BEFORE_JUMP)
     start_ring(monitor.samples, SAMPLES)
     monitor.lead = monitor.lead_slow = np.nan

@@ -160,7 +160,8 @@ def robust_step(state, settings, horizon, relative_acceleration, outcome):
     # What the observers make of a radar that is not to be believed is not to be believed either.
     believed = is_ready(radar) and not is_radar_faulty(radar)
     relative = relative_acceleration if believed else np.nan
-    judge_acceleration(acceleration, settings, horizon, relative, lead)
+    velocity = radar.track.velocity if believed else np.nan
+    judge_acceleration(acceleration, settings, horizon, relative, velocity, lead)
     follow_lead_report(lead, settings, horizon, _lead_seen(state, settings))
     state.heard_lead = state.heard_lead or lead.heard
     outcome.evidence.silent = False
