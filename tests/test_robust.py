@@ -292,6 +292,39 @@ def test_a_relative_velocity_that_repeats_itself_must_have_had_to_change(
     assert car.faults_since(start) - {"radar"} == faulty
 
 
+def test_short_holds_that_nobody_could_tell_do_not_excuse_a_long_one(car: Car) -> None:
+    for scans in (6, 8, 10, 12, 14, 16, 18, 20, 24):
+        start, held = car.number, car.velocity
+        for k in range(SCAN * scans):
+            acceleration = -3.0 * sin(2.0 * pi * k / (SCAN * scans))
+            car.speed += 0.01 * acceleration
+            car.velocity -= 0.01 * acceleration
+            car.step(acceleration=acceleration, relative_velocity_is=held)
+        car.drive(3.0)
+        assert car.faults_since(start) <= {"relative_velocity", "radar"}
+    assert car.delay("relative_velocity", start) <= 0.5
+
+
+@pytest.mark.parametrize("braking", [1.0, 4.0])
+@pytest.mark.parametrize("steps", [8, 20, 40])
+def test_a_lead_at_rest_that_is_neared_at_a_steady_speed_is_no_held_radar(
+    braking: float, steps: int
+) -> None:
+    """What the relative velocity repeats is true, and a lead at rest brakes no further.
+
+    `steps`: those of the relative velocity in 1 m/s.
+    """
+    car = Car()
+    car.clearance, car.speed = 40.0, 3.5
+    while car.clearance > 5.0:
+        if car.number < 1500:
+            car.lead_acceleration = 0.4 * sin(2.0 * pi * car.number / 300)
+        else:
+            car.lead_acceleration = -min(braking, 100.0 * (car.speed + car.velocity))
+        car.step(relative_velocity_is=round(steps * car.velocity) / steps)
+    assert not car.faults_since(0)
+
+
 def test_a_lead_that_brakes_hard_is_nobodys_fault(car: Car) -> None:
     start = car.number
     car.lead_acceleration = -8.0
@@ -398,6 +431,10 @@ def test_a_host_speed_that_is_held_as_the_car_drives_off_blames_no_accelerometer
     car.drive(8.0, host_speed_is=0.0)
     assert not car.faults_since(0)
     start = car.number
+    # The lead drives off before the car does.
+    car.lead_acceleration = 1.0
+    car.drive(1.0, host_speed_is=0.0)
+    car.lead_acceleration = 0.0
     for k in range(250):
         acceleration = min(0.02 * (k + 1), 1.7)
         car.speed += 0.01 * acceleration
@@ -409,6 +446,15 @@ def test_a_host_speed_that_is_held_as_the_car_drives_off_blames_no_accelerometer
         outcome = car.step(acceleration=1.7)
     assert car.faults_since(start) == {"host_speed"}
     assert outcome.report.host_speed.state == outcome.report.acceleration.state == State.OK
+
+
+def test_an_acceleration_that_drifts_in_a_standing_car_is_told_by_a_lead_at_rest(standing: Car):
+    """A car that drove off with a held speed would near its lead, or have followed it."""
+    start = standing.number
+    for k in range(400):
+        standing.step(acceleration=0.005 * k, host_speed_is=0.0)
+    assert standing.faults_since(start) == {"acceleration"}
+    assert standing.outcomes[-1].report.acceleration.kind == Kind.RAMP
 
 
 def test_a_held_host_speed_is_believed_soon_after_it_moves_again(car: Car) -> None:

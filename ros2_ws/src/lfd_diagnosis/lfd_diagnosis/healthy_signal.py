@@ -44,6 +44,9 @@ NO_CHANCE = 2.0
 UNCHANGED = 4.0
 """How many times longer a run must be while the signal had no reason to change."""
 
+OFTEN = 0.1
+"""Share of equal samples above which it is no noise that makes the others differ."""
+
 ENOUGH, LATELY = 100, 50
 """Samples that must be known before a run is called too long, and over which it is averaged how
 often a signal repeats itself just now: a calm one does so more often."""
@@ -266,10 +269,21 @@ def is_frozen(repetition, should_change):
 
 
 @inner
+def _share_of_equal(repetition):
+    """Share of samples that equal the one before: of all so far or of the last ones."""
+    return max(repetition.equal / max(repetition.samples, 1), repetition.lately)
+
+
+@inner
+def repeats_by_itself(repetition):
+    """Whether its noise is so small that it repeats itself for as long as nothing changes."""
+    return _share_of_equal(repetition) > OFTEN
+
+
+@inner
 def run_by_chance(repetition, probability):
     """How many samples in a row are equal with that probability, by how many were so far."""
-    share = max(repetition.equal / max(repetition.samples, 1), repetition.lately)
-    return log(probability) / log(min(max(share, 0.01), 0.99))
+    return log(probability) / log(min(max(_share_of_equal(repetition), 0.01), 0.99))
 
 
 @inner

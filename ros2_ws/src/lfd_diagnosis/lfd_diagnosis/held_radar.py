@@ -7,6 +7,7 @@ from lfd_diagnosis.healthy_signal import (
     deviation,
     is_beyond_chance,
     is_frozen,
+    repeats_by_itself,
     resolution_of,
     run_by_chance,
 )
@@ -113,8 +114,12 @@ def is_stuck(radar, settings, signal, of_clearance, changed):
         return changed and is_held(signal)
     if not radar.host_moves:
         return False
-    if not of_clearance and _has_left(radar, settings) and velocity_seems_held(radar):
-        return True
+    if not of_clearance:
+        if _has_left(radar, settings) and velocity_seems_held(radar):
+            return True
+        if not changed and _is_followed(radar) and repeats_by_itself(signal.repetition):
+            # What it repeats is still true.
+            return False
     return is_frozen(signal.repetition, changed)
 
 
@@ -147,11 +152,18 @@ def should_have_changed(radar, settings, signal, of_clearance):
 
 
 @inner
+def _is_followed(radar):
+    """Whether a clearance tells of the path since the relative velocity began to repeat itself."""
+    clearance = radar.clearance
+    # Off itself, it tells nothing.
+    return clearance.last_at > radar.held_since and not (clearance.faulty or is_bad(clearance))
+
+
+@inner
 def _has_left(radar, settings):
     """Whether the clearance has left the path of a relative velocity that repeats itself."""
     clearance, velocity = radar.clearance, radar.velocity
-    if clearance.faulty or is_bad(clearance):
-        # Off itself, it tells nothing.
+    if not _is_followed(radar):
         return False
     held_for = velocity.last_at - radar.held_since
     beside = sqrt(clearance.noise.variance + WANDERING * wander_of(radar, settings))
