@@ -44,7 +44,7 @@ NO_CHANCE = 2.0
 UNCHANGED = 4.0
 """How many times longer a run must be while the signal had no reason to change."""
 
-OFTEN = 0.1
+OFTEN = 0.25
 """Share of equal samples above which it is no noise that makes the others differ."""
 
 ENOUGH, LATELY = 100, 50

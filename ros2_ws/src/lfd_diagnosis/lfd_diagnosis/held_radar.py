@@ -26,7 +26,7 @@ its resolution, by host and lead, and m/s^2 of doubt about the lead after a seco
 the clearance's noise by which that leaves the path, filtered by a share."""
 
 EXPECTED_SIGMA = 3.0
-"""Standard deviations by which what is expected may be off."""
+"""Standard deviations of the track by which what is expected may be off."""
 
 AT_REST = 0.5
 """Speed of a lead in m/s below which it brakes no further."""
@@ -74,7 +74,7 @@ def begin_to_hold(radar):
     radar.time_while_held = radar.host_gain_while_held = radar.host_path_while_held = 0.0
     # What is held was measured; a zero was not, and may be off from its first sample on.
     expected = track.velocity - velocity.age * (track.acceleration - radar.host)
-    vague = EXPECTED_SIGMA * sqrt(track.vv + radar.velocity.noise.variance)
+    vague = EXPECTED_SIGMA * sqrt(track.vv)
     beyond = expected - max(-vague, min(vague, expected))
     radar.changed_while_held = beyond if velocity.value == 0.0 else 0.0
     radar.most_changed = abs(radar.changed_while_held)
@@ -155,8 +155,9 @@ def should_have_changed(radar, settings, signal, of_clearance):
 def _is_followed(radar):
     """Whether a clearance tells of the path since the relative velocity began to repeat itself."""
     clearance = radar.clearance
-    # Off itself, it tells nothing.
-    return clearance.last_at > radar.held_since and not (clearance.faulty or is_bad(clearance))
+    # Off, or held itself, it tells nothing.
+    useless = clearance.faulty or is_bad(clearance) or is_held(clearance)
+    return clearance.last_at > radar.held_since and not useless
 
 
 @inner
