@@ -25,7 +25,7 @@ HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 
 its resolution, by host and lead, and m/s^2 of doubt about the lead after a second; or deviations of
 the clearance's noise by which that leaves the path, filtered by a share."""
 
-EXPECTED_SIGMA = 3.0
+EXPECTED_SIGMA = 2.0
 """Standard deviations of the track by which what is expected may be off."""
 
 AT_REST = 0.5
