@@ -62,6 +62,10 @@ SHARP_JERK = 8.0
 MOST_ALLOWANCE, STEEPEST = 6.0, 4.0
 """m/s^2 by which limits widen at most, and that a slope and a sensor's mounting make at most."""
 
+LITTLE_JERK = 160.0
+"""Sum of squares of jerks, in m^2/s^6, below which an accelerometer's slow noise may as well make
+the lag that is learnt."""
+
 LARGEST_LAG = 0.3
 """Largest lag in s between accelerometer and speed that is learnt."""
 
@@ -191,7 +195,8 @@ def _lag(monitor, settings):
     """How much the speed lags behind the accelerometer, and by how much it is smoothed, in s."""
     if not settings.learn_noise:
         return 0.0, 0.0
-    lag = max(-LARGEST_LAG, min(LARGEST_LAG, monitor.lag_product / monitor.lag_square))
+    lag = monitor.lag_product / (monitor.lag_square + LITTLE_JERK)
+    lag = max(-LARGEST_LAG, min(LARGEST_LAG, lag))
     best = max(-LARGEST_LAG, min(LARGEST_LAG, monitor.best_product / monitor.best_square))
     return lag, max(-JERK_FILTER, min(0.0, best - lag))
 
