@@ -1063,6 +1063,18 @@ def test_hard_braking_is_no_fault_though_a_noisy_speed_is_late(car: Car, jerk: f
     assert not car.faults_since(start)
 
 
+@pytest.mark.parametrize("seed", [2, 4, 5])
+def test_an_accelerometers_slow_noise_is_no_lag_that_shows_in_hard_braking(seed: int) -> None:
+    """Noise of 0.25 m/s^2 that lasts for half a second, on a calm drive."""
+    car, random, slow = Car(), Random(seed), 0.0
+    calm = [0.0] * 400 + [0.15 * sin(2.0 * pi * k / 600) for k in range(4000)]
+    for acceleration in calm + [max(-0.4 * k, -8.0) for k in range(100)]:
+        slow = 0.98 * slow + random.gauss(0.0, 0.05)
+        car.speed += 0.01 * acceleration
+        car.step(acceleration=acceleration + slow)
+    assert not car.faults_since(0)
+
+
 @pytest.mark.parametrize(("braking", "swing"), [(-5.0, 0.6), (-5.0, -0.6), (-7.0, 0.6)])
 @pytest.mark.parametrize("steps", [10, 13, 16])
 def test_a_jolt_while_braking_with_a_late_speed_is_no_fault(
