@@ -116,6 +116,9 @@ DRIFT_SEEN, DRIFT_DOUBT = 1.0, 0.35
 """Seconds in which it is seen how fast a clearance drifts, and share of a jump of the relative
 velocity by which that may differ from it."""
 
+ALONE = 0.5
+"""Share of the limits within which a scan goes on from before the last one, if that was off."""
+
 COAST_KEEP = exp(-STEP_S / CORRELATION)
 
 FORGETTING = 2.0 / CORRELATION
@@ -254,6 +257,37 @@ def _hold_against(signal, measured, prediction, limit, repeated):
 
 
 @inner
+def _hold_scan(radar, settings, age, repeated):
+    """Hold a scan of `age` s against the track."""
+    track, limits = radar.track, limits_about(radar, settings)
+    relative = track.acceleration - radar.host
+    expected = clearance_then(track, age, relative)
+    _hold_against(radar.clearance, radar.measured_clearance, expected, limits[0], repeated)
+    expected = velocity_then(track, age, relative)
+    _hold_against(radar.velocity, radar.measured_velocity, expected, limits[1], repeated)
+
+
+@inner
+def _was_last_alone(radar, settings, age):
+    """Whether a scan that disagrees goes on from before the last one: then that one alone was off,
+    by less than the limits, and is not believed any more."""
+    clearance, velocity, before = radar.clearance, radar.velocity, radar.before
+    if is_radar_faulty(radar) or not (is_bad(clearance) or is_bad(velocity)):
+        return False
+    since = radar.measured_clearance.at + radar.measured_clearance.age - radar.before_at
+    if since > LARGEST_GAP:
+        return False
+    relative, mean = before.acceleration - radar.host, settings.lead_acceleration_mean
+    predict_track(before, since, radar.host, 1.0, mean, settings.jerk_density)
+    off_clearance = radar.measured_clearance.value - clearance_then(before, age, relative)
+    off_velocity = radar.measured_velocity.value - velocity_then(before, age, relative)
+    return (
+        abs(off_clearance) <= ALONE * clearance.limit
+        and abs(off_velocity) <= ALONE * velocity.limit
+    )
+
+
+@inner
 def _judge_signal(radar, settings, signal, measured, of_clearance, repeated):
     """Count a scan of one signal, and see what becomes of it."""
     if not measured.new:
@@ -285,13 +319,12 @@ def _judge(radar, settings, repeated):
         age = measured_clearance.age
     if has_velocity:
         age = max(age, measured_velocity.age) if has_clearance else measured_velocity.age
+    _hold_scan(radar, settings, age, repeated)
+    if not repeated and has_clearance and has_velocity and _was_last_alone(radar, settings, age):
+        radar.track = radar.before
+        _hold_scan(radar, settings, age, repeated)
     relative = track.acceleration - radar.host
-    limits = limits_about(radar, settings)
     clearance_variance, velocity_variance = track.cc, track.vv
-    expected = clearance_then(track, age, relative)
-    _hold_against(clearance, measured_clearance, expected, limits[0], repeated)
-    expected = velocity_then(track, age, relative)
-    _hold_against(velocity, measured_velocity, expected, limits[1], repeated)
     if has_clearance and has_velocity and is_settling(radar):
         begin_target(radar, settings, radar.id)
         return
@@ -310,6 +343,7 @@ def _judge(radar, settings, repeated):
         believe(track, 2.0 * radar.slow_acceleration - radar.slower_acceleration, SLOW_STD)
     if repeated:
         return
+    radar.before, radar.before_at = track, measured_clearance.at + measured_clearance.age
     good_clearance = not clearance.faulty and not is_bad(clearance)
     good_velocity = not velocity.faulty and not is_bad(velocity)
     if (good_clearance or not has_clearance) and (good_velocity or not has_velocity):

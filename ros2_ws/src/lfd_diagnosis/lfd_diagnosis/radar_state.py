@@ -61,6 +61,8 @@ RADAR = np.dtype(
         ("path", TRAVELLED_PATH),
         ("drift", DRIFT),
         ("track", LEAD_TRACK),
+        ("before", LEAD_TRACK),
+        ("before_at", "f8"),
         ("has_track", "?"),
         ("scans", "i8"),
         ("begun_at", "f8"),
@@ -97,7 +99,8 @@ RADAR = np.dtype(
     align=True,
 )
 """State of one radar's two signals and of its target; `lost_since` (s) counts while `lost`,
-`carried_since` while an offset is taken to go on with another target (`carried`).
+`carried_since` while an offset is taken to go on with another target (`carried`). `before` is the
+track as it was at `before_at` (s), when the last scan was not yet taken.
 
 `shifted_at` (s) is when the clearance last went over to another part of the car behind a faulty
 relative velocity; `agreed_clearance` (m) is what was measured when that began to agree again,
@@ -127,6 +130,7 @@ def start_radar(radar, settings):
 def start_target(radar, settings):
     """Nothing is seen; what was learnt of the signals stays."""
     radar.has_track = False
+    radar.before_at = -np.inf
     radar.scans = 0
     radar.id = UNKNOWN_TRACK
     radar.remembered_count = 0

@@ -88,6 +88,7 @@ def begin_target(radar, settings, track_id):
         believe(radar.track, mean, settings.lead_acceleration_std)
         radar.clearance.coasted = 0.0
     radar.has_track = True
+    radar.before_at = -np.inf
     radar.id, radar.scans = track_id, 1
     radar.slow_acceleration = radar.slower_acceleration = mean
     # Nothing of another target says that this one's signals are held, or rough.
