@@ -57,6 +57,9 @@ LARGEST_STEP, LEAP, LEAP_MEMORY = 1.0, 3.0, 30
 """m/s^2 by which a possible jerk moves the accelerometer at most from one sample to the next, and
 roughness beyond that: what exceeds them is a leap, for so many steps."""
 
+OUTLIER = 8.0
+"""m/s^2 by which a sample leaps alone that is none until the next one says the same."""
+
 SHAKEN = 0.1
 """Share of rough samples above which the road shakes a sensor."""
 
@@ -107,15 +110,24 @@ def follow_acceleration(monitor, settings, horizon):
 @inner
 def _follow_samples(monitor, settings, time, value):
     share = filter_share(settings.host_speed_filter_time)
+    period = time - monitor.last_at
+    monitor.fresh = is_new(time, monitor.last_at)
+    if monitor.fresh:
+        leaps = abs(value - monitor.taken) > OUTLIER
+        monitor.outliers += monitor.doubted and not leaps
+        monitor.doubted = leaps and not monitor.doubted
+        monitor.last_at = time
+    if monitor.doubted:
+        value, monitor.fresh = monitor.taken, False
+    monitor.taken = value
     if isnan(monitor.filtered):
         monitor.filtered = monitor.slow_filtered = value
     monitor.filtered += share * (value - monitor.filtered)
     monitor.slow_filtered += JERK_SHARE * (monitor.filtered - monitor.slow_filtered)
     monitor.burst += share * ((value - monitor.filtered) ** 2 - monitor.burst)
-    monitor.fresh = is_new(time, monitor.last_at)
     monitor.leapt_for = max(monitor.leapt_for - 1, 0)
     if monitor.fresh:
-        possible = min(POSSIBLE_JERK * (time - monitor.last_at), LARGEST_STEP)
+        possible = min(POSSIBLE_JERK * period, LARGEST_STEP)
         if abs(value - monitor.repetition.value) > possible + LEAP * sqrt(monitor.roughness.usual):
             monitor.leapt_for = LEAP_MEMORY
         standing = is_standing(monitor.speed)
@@ -124,7 +136,6 @@ def _follow_samples(monitor, settings, time, value):
             excuse_repetition(monitor.repetition, monitor.faulty)
         if not take_repetition(monitor.repetition, value, not monitor.faulty):
             monitor.derivative_when_held = monitor.speed.derivative
-        monitor.last_at = time
     append(monitor.samples, value)
     append(monitor.before_jump, monitor.filtered - monitor.slope)
     # A bad road shakes the wheels, too; a sensor's own noise does not.

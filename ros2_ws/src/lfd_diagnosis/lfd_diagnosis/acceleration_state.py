@@ -48,6 +48,9 @@ ACCELERATION = np.dtype(
         # The samples.
         ("last_at", "f8"),
         ("fresh", "?"),
+        ("taken", "f8"),
+        ("doubted", "?"),
+        ("outliers", "i8"),
         ("new_samples", "i8"),
         ("samples", RING),
         ("filtered", "f8"),
@@ -131,7 +134,7 @@ def start_acceleration(monitor, settings):
     start_jump(monitor.jump, learn)
     monitor.lag_product, monitor.lag_square = 0.0, LAG_PRIOR
     monitor.best_product, monitor.best_square = 0.0, LAG_PRIOR
-    monitor.ticks = 0
+    monitor.ticks = monitor.outliers = 0
     restart_acceleration(monitor)
 
 
@@ -145,7 +148,7 @@ def restart_acceleration(monitor):
     restart_speed(monitor.speed)
     restart_roughness(monitor.roughness)
     restart_repetition(monitor.repetition)
-    monitor.last_at = -np.inf
+    monitor.last_at, monitor.taken, monitor.doubted = -np.inf, np.nan, False
     monitor.fresh, monitor.new_samples = False, 0
     monitor.filtered, monitor.burst = np.nan, 0.0
     monitor.slow_filtered, monitor.leapt_for = np.nan, 0

@@ -90,6 +90,9 @@ HOST_SPEED = np.dtype(
         ("quiet", "f8"),
         ("last", "f8"),
         ("last_at", "f8"),
+        ("seen_at", "f8"),
+        ("doubt", "f8"),
+        ("outliers", "i8"),
         ("rough_for", "f8"),
         ("same", "i8"),
         ("missed", "f8"),
@@ -107,7 +110,9 @@ HOST_SPEED = np.dtype(
 )
 """Derivative (m/s^2) of the host's speed, as long as its samples make sense.
 
-`same`: samples in a row that are equal, those of a car that seems to stand, too.
+`same`: samples in a row that are equal, those of a car that seems to stand, too. `doubt` (m/s) is
+what the newest one, seen at `seen_at`, jumps by alone so far, NaN if it does not; `last` is of
+`last_at`, before it.
 """
 
 
@@ -117,6 +122,7 @@ def start_speed(speed, learn):
     start_noise(speed.noise, 0.03, 0.003, 1.0, learn, 400)
     start_roughness(speed.roughness, 32)
     start_repetition(speed.repetition, 10)
+    speed.outliers = 0
     restart_speed(speed)
 
 
@@ -140,6 +146,7 @@ def _believe(speed):
 def lose_speed(speed):
     """No sample, or none that is new enough."""
     speed.last, speed.last_at = np.nan, -np.inf
+    speed.seen_at, speed.doubt = -np.inf, np.nan
     speed.rough_for, speed.same = 0.0, 0
     _stop_following(speed)
 
@@ -226,8 +233,10 @@ def follow_speed(speed, settings, now, at, value, acceleration, shaken):
 
     `shaken`: the accelerometer feels a bad road.
     """
-    if is_new(at, speed.last_at):
-        _take(speed, settings, at, value, acceleration, shaken)
+    if is_new(at, speed.seen_at):
+        speed.seen_at = at
+        if not _is_doubtful(speed, at, value, acceleration):
+            _take(speed, settings, at, value, acceleration, shaken)
     if speed.faulty:
         _stop_following(speed)
         return
@@ -235,17 +244,42 @@ def follow_speed(speed, settings, now, at, value, acceleration, shaken):
     if isnan(speed.filtered):
         # As if the host had gone on like this for long.
         speed.slow_derivative = acceleration
-        speed.filtered = value - acceleration * filter_time
+        speed.filtered = speed.last - acceleration * filter_time
         speed.derivative_then = acceleration
     speed.rattles_for = max(speed.rattles_for - 1, 0)
     # Between two samples it goes on as it did: steps of a slow sensor are no jerks.
-    value += speed.derivative_then * (now - at)
+    value = speed.last + speed.derivative_then * (now - speed.last_at)
     speed.filtered += filter_share(filter_time) * (value - speed.filtered)
     speed.derivative = (value - speed.filtered) / filter_time
     speed.slow_derivative += JERK_SHARE * (speed.derivative - speed.slow_derivative)
     faded = speed.largest_jerk * (1.0 - JERK_FADES)
     speed.largest_jerk = max(faded, abs(jerk_of(speed)))
     speed.followed += STEP_S
+
+
+@inner
+def _is_doubtful(speed, at, value, acceleration):
+    """Whether a sample jumps alone so far: the next one tells whether it was an outlier."""
+    if speed.faulty:
+        return False
+    period = min(at - speed.last_at, 1.0)
+    jump = _jump(speed, value, period, acceleration)
+    jumps = abs(jump) > _possible_jump(speed, period)
+    jumps = jumps and not (_rests_with_a_jerk(speed, value) or _starts_or_stops(speed, value))
+    begins = jumps and isnan(speed.doubt)
+    speed.outliers += not (jumps or isnan(speed.doubt))
+    speed.doubt = jump if begins else np.nan
+    return begins
+
+
+@inner
+def _jump(speed, value, period, acceleration):
+    return value - speed.last - acceleration * period
+
+
+@inner
+def _possible_jump(speed, period):
+    return max(JUMP, 8.0 * deviation(speed.noise)) + POSSIBLE_ACCELERATION * period
 
 
 @inner
@@ -304,8 +338,7 @@ def _take(speed, settings, at, value, acceleration, shaken):
 
 @inner
 def _check_jump(speed, value, period, acceleration, was_held):
-    jump = value - speed.last - acceleration * period
-    limit = max(JUMP, 8.0 * deviation(speed.noise)) + POSSIBLE_ACCELERATION * period
+    jump, limit = _jump(speed, value, period, acceleration), _possible_jump(speed, period)
     if abs(jump) <= limit:
         if not speed.faulty:
             learn_noise(speed.noise, jump, 0.0)

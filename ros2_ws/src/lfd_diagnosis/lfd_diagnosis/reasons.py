@@ -121,10 +121,7 @@ def _radar_signal(
         return filling
     now = _residual(evidence.residual, evidence.limit, unit)
     if state != State.FAULT:
-        reason = f"{now}; scan {evidence.age * 1000:.0f} ms old"
-        if evidence.outliers:
-            reason += f"; {evidence.outliers} single outliers rejected so far"
-        return reason
+        return f"{now}; scan {evidence.age * 1000:.0f} ms old{_rejected(evidence.outliers)}"
     because = evidence.because
     if because.ground == Ground.RESIDUAL:
         words = _residual(because.first, because.second, unit)
@@ -142,6 +139,10 @@ def _radar_signal(
     return reason
 
 
+def _rejected(outliers: int) -> str:
+    return f"; {outliers} single outliers rejected so far" if outliers else ""
+
+
 def _acceleration(verdict: Any, evidence: Any, filling: str) -> str:
     check, age = evidence.check, evidence.acceleration_age
     now = "nothing to hold it against yet"
@@ -155,6 +156,7 @@ def _acceleration(verdict: Any, evidence: Any, filling: str) -> str:
         reason = f"neither host speed nor lead: {filling}"
     else:
         reason = f"{now}; sample {age * 1000:.0f} ms old"
+        reason += _rejected(evidence.acceleration_outliers)
     if evidence.speed_faulty:
         reason += f"; host speed is not used: {_words(evidence.speed_because)}"
     if evidence.lead_faulty:
@@ -173,7 +175,10 @@ def _host_speed(settings: DiagnosisSettings, verdict: Any, evidence: Any) -> str
         return f"{kind} by {_words(evidence.speed_because)}; not used as evidence"
     if verdict.state == State.NOT_READY:
         return "its derivative is settling"
-    return f"derivative {evidence.derivative:.2f} m/s^2; sample {age * 1000:.0f} ms old"
+    sample = f"sample {age * 1000:.0f} ms old{_rejected(evidence.speed_outliers)}"
+    if verdict.state == State.SUSPECT:
+        return f"jump of {evidence.speed_doubt:.2f} m/s, alone so far; {sample}"
+    return f"derivative {evidence.derivative:.2f} m/s^2; {sample}"
 
 
 def _lead(settings: DiagnosisSettings, verdict: Any, evidence: Any) -> str:

@@ -47,6 +47,9 @@ INDEX_LIMIT = 0.5
 LARGEST_GAP = 30
 """Horizons that may be lost on the way before everything starts anew."""
 
+BAD_SPEEDS = 2
+"""Samples in a row after which a host speed that jumped is faulty."""
+
 VALID_CLEARANCE_STD, VALID_VELOCITY_STD = 2.0, 1.5
 """Standard deviations in m and m/s up to which a coasted signal is offered."""
 
@@ -76,8 +79,11 @@ ROBUST_EVIDENCE = np.dtype(
         ("check", CHECK),
         ("because", BECAUSE),
         ("acceleration_age", "f8"),
+        ("acceleration_outliers", "i8"),
         ("speed_because", BECAUSE),
         ("speed_faulty", "?"),
+        ("speed_doubt", "f8"),
+        ("speed_outliers", "i8"),
         ("derivative", "f8"),
         ("host_speed_age", "f8"),
         ("lead_because", BECAUSE),
@@ -265,6 +271,7 @@ def _judge_acceleration(state, settings, horizon, outcome):
     _say(outcome.acceleration, verdict, kind, index, monitor.confidence, threshold, size, size_std)
     evidence.check, evidence.because = monitor.check, monitor.because
     evidence.acceleration_age = horizon.acceleration_age
+    evidence.acceleration_outliers = monitor.outliers
 
 
 @inner
@@ -277,9 +284,11 @@ def _judge_host_speed(state, settings, horizon, outcome):
         elif speed.faulty:
             verdict, kind, size = State.FAULT, speed.kind, speed.size
         elif is_usable(speed, settings):
-            verdict = State.OK
-    _say(outcome.host_speed, verdict, kind, np.nan, 0, 1, size, np.nan)
+            verdict = State.OK if isnan(speed.doubt) else State.SUSPECT
+    bad = 0 if isnan(speed.doubt) else 1
+    _say(outcome.host_speed, verdict, kind, np.nan, bad, BAD_SPEEDS, size, np.nan)
     evidence.speed_because, evidence.speed_faulty = speed.because, speed.faulty
+    evidence.speed_doubt, evidence.speed_outliers = speed.doubt, speed.outliers
     evidence.derivative, evidence.host_speed_age = speed.derivative, horizon.host_speed_age
 
 
