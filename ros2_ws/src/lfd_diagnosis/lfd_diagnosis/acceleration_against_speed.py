@@ -181,7 +181,7 @@ def _allowance(monitor, settings):
     jerk = max(abs(jerk_of(monitor.speed)), monitor.speed.largest_jerk - SHARP_JERK)
     allowance = settings.jerk_allowance * jerk + BURST * monitor.burst**0.5
     # A sharp manoeuvre shows every lag that is not known; the accelerometer feels it first.
-    doubt = LAG_DOUBT * LAG_PRIOR / monitor.lag_square
+    doubt = LAG_DOUBT * (LAG_PRIOR + LITTLE_JERK) / (monitor.lag_square + LITTLE_JERK)
     allowance += doubt * max(jerk - CALM_JERK, 0.0)
     if not monitor.leapt_for:
         lag = settings.jerk_allowance + doubt
