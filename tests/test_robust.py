@@ -305,6 +305,59 @@ def test_short_holds_that_nobody_could_tell_do_not_excuse_a_long_one(car: Car) -
     assert car.delay("relative_velocity", start) <= 0.5
 
 
+@pytest.mark.parametrize("signal", ["clearance", "relative_velocity"])
+@pytest.mark.parametrize("share", [0.5, 0.7, 0.8, 0.9, 1.1, 2.0])
+def test_a_scan_that_is_off_alone_is_nobodys_fault_within_its_limit_either(
+    car: Car, signal: str, share: float
+) -> None:
+    """What was taken of it makes the next scans disagree."""
+    limit = {"clearance": 1.3, "relative_velocity": 0.8}[signal]
+    for k in range(6):
+        off = car.drive(0.01 * SCAN, **{signal: (-1) ** k * share * limit})
+        state = State.OK if share < 1.0 else State.SUSPECT
+        assert getattr(off.report, signal).state == state
+        assert getattr(car.drive(1.0).report, signal).state == State.OK
+    assert not car.faults_since(0)
+    if share > 1.0:
+        assert "6 single outliers" in getattr(car.outcomes[-1].report, signal).reason
+
+
+@pytest.mark.parametrize(
+    ("signal", "off", "samples", "faults"),
+    [
+        ("host_speed", 0.5, 1, False),
+        ("host_speed", 1.0, 1, False),
+        ("host_speed", 15.0, 1, False),
+        ("host_speed", 1.0, 2, True),
+        ("acceleration", 7.0, 1, False),
+        ("acceleration", 9.0, 1, False),
+        ("acceleration", 40.0, 1, False),
+    ],
+)
+def test_a_sample_that_jumps_alone_is_an_outlier(
+    car: Car, signal: str, off: float, samples: int, faults: bool
+) -> None:
+    start = car.number
+    for k in range(4):
+        car.drive(0.01 * samples, **{signal: (-1) ** k * off})
+        car.drive(1.0)
+    assert car.faults_since(start) == ({signal} if faults else set())
+    if not faults and off > {"host_speed": 0.65, "acceleration": 8.0}[signal]:
+        assert "4 single outliers" in getattr(car.outcomes[-1].report, signal).reason
+
+
+def test_a_clearance_of_which_scans_are_missing_is_not_rough_for_that(car: Car) -> None:
+    """A lead that is neared by 15 m/s is somewhere else after a scan that is missing."""
+    car.clearance, car.velocity, car.track_id = 200.0, -15.0, 2
+    start = car.number
+    for k in range(240):
+        car.radar_silent = k % 3 == 1
+        car.drive(0.01 * SCAN)
+        if k == 80:
+            car.clearance, car.track_id = 200.0, 3
+    assert not car.faults_since(start)
+
+
 @pytest.mark.parametrize("braking", [1.0, 4.0])
 @pytest.mark.parametrize("steps", [8, 20, 40])
 def test_a_lead_at_rest_that_is_neared_at_a_steady_speed_is_no_held_radar(
@@ -1652,10 +1705,11 @@ def test_roughness_is_blind_to_smooth_motion_and_to_one_outlier() -> None:
     start_roughness(roughness, 16)
     random = Random(4)
     for k in range(200):
-        take_roughness(roughness, 0.001 * k**2 + random.gauss(0.0, 0.05) + (k == 150), True, 0.0)
+        value = 0.001 * k**2 + random.gauss(0.0, 0.05) + (k == 150)
+        take_roughness(roughness, 0.05 * k, value, True, 0.0)
         assert not is_rough(roughness)
-    for _ in range(16):
-        take_roughness(roughness, random.gauss(0.0, 1.0), False, 0.0)
+    for k in range(200, 216):
+        take_roughness(roughness, 0.05 * k, random.gauss(0.0, 1.0), False, 0.0)
     assert is_rough(roughness)
 
 

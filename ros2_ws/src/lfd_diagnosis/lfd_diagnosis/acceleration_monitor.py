@@ -131,7 +131,7 @@ def _follow_samples(monitor, settings, time, value):
         if abs(value - monitor.repetition.value) > possible + LEAP * sqrt(monitor.roughness.usual):
             monitor.leapt_for = LEAP_MEMORY
         standing = is_standing(monitor.speed)
-        take_roughness(monitor.roughness, value, not (monitor.faulty or standing), 0.0)
+        take_roughness(monitor.roughness, time, value, not (monitor.faulty or standing), 0.0)
         if standing:
             excuse_repetition(monitor.repetition, monitor.faulty)
         if not take_repetition(monitor.repetition, value, not monitor.faulty):

@@ -28,6 +28,10 @@ EQUAL = 1e-6
 STEPS = 0.6
 """Steps of a signal's resolution that its second differences are at least taken for."""
 
+IRREGULAR, LONG_GAP = 1.6, 4.0
+"""How many times longer than the one before a time between samples is if one is missing, and from
+when on the next sample has nothing to do with those before."""
+
 ROUGH_RATIO, ROUGH_SHARE = 5.0, 0.4
 """Rough: so many usual deviations are exceeded by such a share of the last samples."""
 
@@ -129,6 +133,8 @@ ROUGHNESS = np.dtype(
         ("count", "i8"),
         ("before", "f8", (2,)),
         ("samples_before", "i8"),
+        ("last_at", "f8"),
+        ("period", "f8"),
         ("usual", "f8"),
         ("resolution", "f8"),
         ("known", "i8"),
@@ -183,9 +189,20 @@ def restart_roughness(roughness):
 
 
 @inner
-def take_roughness(roughness, value, healthy, possible):
-    """Take one sample; only healthy ones are learnt from. Second differences up to `possible`, in
-    the signal's unit, are motion.
+def _spacing(roughness, at):
+    """How many times longer than before the last one the time since the last sample is."""
+    period = at - roughness.last_at
+    spacing = period / roughness.period
+    roughness.last_at, roughness.period = at, period
+    # Stamps of a regular sensor waver.
+    return 1.0 if 1.0 / IRREGULAR < spacing < IRREGULAR else spacing
+
+
+@inner
+def take_roughness(roughness, at, value, healthy, possible):
+    """Take one sample of time `at` (s); only healthy ones are learnt from. Second differences up to
+    `possible`, in the signal's unit, are motion; what moves does so for longer where a sample is
+    missing.
 
     One that repeats the sample before it is smooth, and what follows is held against those before:
     a sensor that says everything twice climbs in stairs, and is no rougher for that.
@@ -194,6 +211,13 @@ def take_roughness(roughness, value, healthy, possible):
     if roughness.samples_before < 2:
         before[roughness.samples_before] = value
         roughness.samples_before += 1
+        roughness.period = at - roughness.last_at
+        roughness.last_at = at
+        return
+    spacing = _spacing(roughness, at)
+    if spacing > LONG_GAP:
+        roughness.samples_before = 1
+        before[0] = value
         return
     first = abs(value - before[1])
     if EQUAL < first < roughness.resolution and healthy:
@@ -201,7 +225,9 @@ def take_roughness(roughness, value, healthy, possible):
     repeats = first <= EQUAL
     square = 0.0
     if not repeats:
-        square = (value - 2.0 * before[1] + before[0]) ** 2
+        differs = value - before[1] - spacing * (before[1] - before[0])
+        # As noisy as one of even samples.
+        square = 6.0 * differs**2 / (1.0 + (1.0 + spacing) ** 2 + spacing**2)
         before[0], before[1] = before[1], value
     known = roughness.known >= 3 * roughness.window
     usual = max(roughness.usual, (STEPS * roughness.resolution) ** 2)

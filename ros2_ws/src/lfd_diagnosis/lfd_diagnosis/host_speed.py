@@ -285,7 +285,7 @@ def _possible_jump(speed, period):
 @inner
 def _take(speed, settings, at, value, acceleration, shaken):
     healthy = not speed.faulty
-    take_roughness(speed.roughness, value, healthy and not is_standing(speed), 0.0)
+    take_roughness(speed.roughness, at, value, healthy and not is_standing(speed), 0.0)
     if is_standing(speed):
         excuse_repetition(speed.repetition, speed.faulty)
     was_held = speed_seems_held(speed, False)

@@ -297,7 +297,7 @@ def _judge_signal(radar, settings, signal, measured, of_clearance, repeated):
     possible = ROUGH_CLEARANCE
     if not of_clearance:
         possible = max(ROUGH_VELOCITY, POSSIBLE_JERK * period * period)
-    take_roughness(signal.roughness, measured.value, healthy, possible)
+    take_roughness(signal.roughness, measured.at, measured.value, healthy, possible)
     count_scan(signal, settings.scan_confidence_max)
     changed = should_have_changed(radar, settings, signal, of_clearance)
     note_change(signal.repetition, changed)
@@ -322,6 +322,8 @@ def _judge(radar, settings, repeated):
     _hold_scan(radar, settings, age, repeated)
     if not repeated and has_clearance and has_velocity and _was_last_alone(radar, settings, age):
         radar.track = radar.before
+        for signal in (clearance, velocity):
+            signal.outliers += is_bad(signal)
         _hold_scan(radar, settings, age, repeated)
     relative = track.acceleration - radar.host
     clearance_variance, velocity_variance = track.cc, track.vv
