@@ -346,6 +346,31 @@ def test_a_sample_that_jumps_alone_is_an_outlier(
         assert "4 single outliers" in getattr(car.outcomes[-1].report, signal).reason
 
 
+@pytest.mark.parametrize(
+    ("accelerometer", "seconds", "faults"),
+    [("noisy", 0.8, False), ("noisy", 2.5, True), ("silent", 0.8, False), ("good", 0.8, True)],
+)
+def test_a_rough_speed_is_the_roads_fault_for_longer_where_the_accelerometer_feels_no_road(
+    accelerometer: str, seconds: float, faults: bool
+) -> None:
+    car, random = Car(), Random(3)
+
+    def drive(seconds: float, shake: float) -> None:
+        for _ in range(round(seconds * 100)):
+            noise = 0.4 if accelerometer == "noisy" else 0.0
+            swing = random.gauss(0.0, shake)
+            car.step(acceleration=random.gauss(0.0, noise), host_speed=swing)
+
+    drive(12.0, 0.0)
+    car.accelerometer_silent = accelerometer == "silent"
+    drive(0.5, 0.0)
+    start = car.number
+    drive(seconds, 0.15)
+    assert car.faults_since(start) == ({"host_speed"} if faults else set())
+    drive(4.0, 0.0)
+    assert car.outcomes[-1].report.host_speed.state == State.OK
+
+
 def test_a_clearance_of_which_scans_are_missing_is_not_rough_for_that(car: Car) -> None:
     """A lead that is neared by 15 m/s is somewhere else after a scan that is missing."""
     car.clearance, car.velocity, car.track_id = 200.0, -15.0, 2

@@ -43,6 +43,7 @@ from lfd_diagnosis.healthy_signal import (
 from lfd_diagnosis.host_speed import (
     JERK_SHARE,
     ROUGH_TIME,
+    ROUGH_TIME_ALONE,
     SLOW,
     follow_speed,
     is_standing,
@@ -63,8 +64,9 @@ OUTLIER = 8.0
 SHAKEN = 0.1
 """Share of rough samples above which the road shakes a sensor."""
 
-ROUGH_TIME_ALONE = 1.5
-"""Seconds of roughness that make a fault where nothing tells a bad road from a bad sensor."""
+NUMB, SELDOM = 0.5, 0.03
+"""Usual second difference in m/s^2, and time between samples in s, beyond which an accelerometer
+does not feel a bad road."""
 
 HELD_CHANGE, HELD_STEPS = 0.2, 2.5
 """m/s^2, and steps of its resolution, by which the speed's derivative must change while the
@@ -83,17 +85,17 @@ LEAD_KEEP = exp(-STEP_S / LEAD_MEMORY)
 def follow_acceleration(monitor, settings, horizon):
     """Take one step's samples; afterwards `acceleration` is the best that is known."""
     now = horizon.stamp * 1e-9
-    speed = monitor.speed
+    speed, usable = monitor.speed, not horizon.acceleration_stale
     if settings.use_host_speed and not horizon.host_speed_stale:
         time = now - horizon.host_speed_age
         value = as_measured(horizon.measured_host_speed)
         felt = monitor.acceleration
         if not monitor.faulty and not isnan(monitor.filtered):
             felt = monitor.filtered - monitor.slope
-        follow_speed(speed, settings, now, time, value, felt, monitor.shaken)
+        feels = usable and _feels(monitor)
+        follow_speed(speed, settings, now, time, value, felt, monitor.shaken, feels)
     else:
         lose_speed(speed)
-    usable = not horizon.acceleration_stale
     if usable:
         time = now - horizon.acceleration_age
         _follow_samples(monitor, settings, time, as_measured(horizon.measured_acceleration))
@@ -105,6 +107,13 @@ def follow_acceleration(monitor, settings, horizon):
             monitor.acceleration = at(monitor.before_jump, 0)
     else:
         monitor.acceleration *= LEAD_KEEP
+
+
+@inner
+def _feels(monitor):
+    """Whether the accelerometer would feel a bad road."""
+    roughness, alive = monitor.roughness, not monitor.faulty or _is_gauged(monitor)
+    return alive and roughness.usual < NUMB * NUMB and roughness.period < SELDOM
 
 
 @inner

@@ -65,8 +65,8 @@ POSSIBLE_ACCELERATION = 15.0
 JERK_FILTER = 0.15
 """Time constant in s of the filter whose derivative is the jerk."""
 
-ROUGH_TIME = 0.3
-"""Seconds of roughness that make a fault."""
+ROUGH_TIME, ROUGH_TIME_ALONE = 0.3, 1.5
+"""Seconds of roughness that make a fault, and where nothing tells a bad road from a bad sensor."""
 
 SETTLING = 4.0
 """Filter times after which the derivative counts."""
@@ -228,15 +228,15 @@ def jerk_of(speed):
 
 
 @inner
-def follow_speed(speed, settings, now, at, value, acceleration, shaken):
+def follow_speed(speed, settings, now, at, value, acceleration, shaken, felt):
     """One step at `now`: newest sample in m/s of time `at` in s, the host accelerating as stated.
 
-    `shaken`: the accelerometer feels a bad road.
+    `shaken`: the accelerometer feels a bad road; `felt`: it would feel one.
     """
     if is_new(at, speed.seen_at):
         speed.seen_at = at
         if not _is_doubtful(speed, at, value, acceleration):
-            _take(speed, settings, at, value, acceleration, shaken)
+            _take(speed, settings, at, value, acceleration, shaken, felt)
     if speed.faulty:
         _stop_following(speed)
         return
@@ -283,7 +283,7 @@ def _possible_jump(speed, period):
 
 
 @inner
-def _take(speed, settings, at, value, acceleration, shaken):
+def _take(speed, settings, at, value, acceleration, shaken, felt):
     healthy = not speed.faulty
     take_roughness(speed.roughness, at, value, healthy and not is_standing(speed), 0.0)
     if is_standing(speed):
@@ -321,8 +321,11 @@ def _take(speed, settings, at, value, acceleration, shaken):
         run = speed.repetition.run + 1
         _convict(speed, Kind.HOLD, np.nan, Ground.SPEED_HELD, value, run, 0.0)
     elif settings.check_roughness and speed.rough_for >= ROUGH_TIME and not shaken:
-        share = rough_share(speed.roughness)
-        _convict(speed, Kind.NOISE, np.nan, Ground.ROUGHNESS, share, 0.0, 0.0)
+        if felt or speed.rough_for >= ROUGH_TIME_ALONE:
+            share = rough_share(speed.roughness)
+            _convict(speed, Kind.NOISE, np.nan, Ground.ROUGHNESS, share, 0.0, 0.0)
+        else:
+            _stop_following(speed)
     else:
         speed.quiet += period
     # A speed that jumped and goes on smoothly is as good for its derivative, but who knows; one
