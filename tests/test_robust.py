@@ -332,9 +332,12 @@ def test_a_scan_that_is_off_alone_is_nobodys_fault_within_its_limit_either(
         ("acceleration", 7.0, 1, False),
         ("acceleration", 9.0, 1, False),
         ("acceleration", 40.0, 1, False),
+        ("acceleration", 9.0, 4, False),
+        ("acceleration", 40.0, 4, False),
+        ("acceleration", 9.0, 25, True),
     ],
 )
-def test_a_sample_that_jumps_alone_is_an_outlier(
+def test_samples_that_jump_for_a_moment_are_outliers(
     car: Car, signal: str, off: float, samples: int, faults: bool
 ) -> None:
     start = car.number

@@ -26,6 +26,7 @@ from lfd_diagnosis.acceleration_state import (
 from lfd_diagnosis.evidence import Ground, give_ground, is_exceeded
 from lfd_diagnosis.healthy_signal import (
     POSSIBLE_JERK,
+    SAME_STAMP,
     append,
     as_measured,
     at,
@@ -58,8 +59,9 @@ LARGEST_STEP, LEAP, LEAP_MEMORY = 1.0, 3.0, 30
 """m/s^2 by which a possible jerk moves the accelerometer at most from one sample to the next, and
 roughness beyond that: what exceeds them is a leap, for so many steps."""
 
-OUTLIER = 8.0
-"""m/s^2 by which a sample leaps alone that is none until the next one says the same."""
+OUTLIER, OUTLASTS = 8.0, 0.04
+"""m/s^2 by which no car's acceleration leaps: samples that do are not taken before they have done
+so for that many seconds, as no shock does."""
 
 SHAKEN = 0.1
 """Share of rough samples above which the road shakes a sensor."""
@@ -124,7 +126,9 @@ def _follow_samples(monitor, settings, time, value):
     if monitor.fresh:
         leaps = abs(value - monitor.taken) > OUTLIER
         monitor.outliers += monitor.doubted and not leaps
-        monitor.doubted = leaps and not monitor.doubted
+        if leaps and not monitor.doubted:
+            monitor.leapt_at = time
+        monitor.doubted = leaps and time - monitor.leapt_at < OUTLASTS - SAME_STAMP
         monitor.last_at = time
     if monitor.doubted:
         value, monitor.fresh = monitor.taken, False

@@ -50,6 +50,7 @@ ACCELERATION = np.dtype(
         ("fresh", "?"),
         ("taken", "f8"),
         ("doubted", "?"),
+        ("leapt_at", "f8"),
         ("outliers", "i8"),
         ("new_samples", "i8"),
         ("samples", RING),
