@@ -4,6 +4,7 @@ them is still found."""
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
+from random import Random
 
 import pytest
 
@@ -58,6 +59,31 @@ def thinned(samples: Sequence[Sample], name: str, period: float) -> list[Sample]
     return kept
 
 
+def losing(samples: Sequence[Sample], name: str, share: float) -> list[Sample]:
+    """One input of which samples are lost now and then."""
+    random = Random(7)
+    return [s for s in samples if s.input != name or random.random() >= share]
+
+
+def noisy(samples: Sequence[Sample], name: str, std: float) -> list[Sample]:
+    """One input with more white noise."""
+    random = Random(7)
+    return [
+        replace(s, value=s.value + random.gauss(0.0, std)) if s.input == name else s
+        for s in samples
+    ]
+
+
+def glitching(samples: Sequence[Sample], name: str, field: str, off: float) -> list[Sample]:
+    """One input of which a single sample is off every three seconds, now up, now down."""
+    made, last = [], 0
+    for s in samples:
+        if s.input == name and s.stamp - last > 3e9:
+            s, last, off = replace(s, **{field: getattr(s, field) + off}), s.stamp, -off
+        made.append(s)
+    return made
+
+
 def faults(samples: Sequence[Sample]) -> list[Event]:
     graph = OfflineGraph(graph_settings("robust"))
     return [
@@ -105,6 +131,36 @@ def test_a_healthy_sensor_is_healthy_whatever_its_habits(name: str, of: str, cha
 )
 def test_a_slow_sensor_is_healthy(name: str, of: str, period: float) -> None:
     assert faults(thinned(drive(name), of, period)) == []
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3])
+@pytest.mark.parametrize("name", ["cut-in", "hill"])
+def test_a_radar_that_loses_scans_is_healthy(name: str, share: float) -> None:
+    assert faults(losing(drive(name), RADAR, share)) == []
+
+
+@pytest.mark.parametrize("name", ["bumps", "braking"])
+def test_an_accelerometer_that_feels_no_bad_road_blames_no_speed_for_it(name: str) -> None:
+    assert faults(noisy(drive(name), ACCELERATION, 0.5)) == []
+
+
+@pytest.mark.parametrize(
+    ("of", "field", "off"),
+    [
+        (RADAR, "relative_velocity", 0.7),
+        (RADAR, "relative_velocity", 0.8),
+        (RADAR, "relative_velocity", 0.9),
+        (RADAR, "clearance", 1.2),
+        (RADAR, "clearance", 1.5),
+        (HOST_SPEED, "value", 0.5),
+        (HOST_SPEED, "value", 1.0),
+        (HOST_SPEED, "value", 20.0),
+        (ACCELERATION, "value", 7.0),
+        (ACCELERATION, "value", 30.0),
+    ],
+)
+def test_a_glitch_now_and_then_is_no_fault(of: str, field: str, off: float) -> None:
+    assert faults(glitching(drive("hill"), of, field, off)) == []
 
 
 @pytest.mark.parametrize(
