@@ -48,7 +48,7 @@ WARM_UP = 3.0
 RESTED = 2.0
 """Seconds for which a lead must have been at rest before a car that seems to stand surely does."""
 
-STILL_KNOWN, SLOPE_DOUBT = 1.0, 0.5
+STILL_KNOWN, SLOPE_DOUBT = 1.0, 0.8
 """Seconds of learning that a slope is worth however long nothing was heard of it, and how many of
 them each second of that takes."""
 
