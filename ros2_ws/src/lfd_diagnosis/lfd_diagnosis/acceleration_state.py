@@ -118,7 +118,11 @@ ACCELERATION = np.dtype(
     ],
     align=True,
 )
-"""State of the acceleration signal; `acceleration` (m/s^2) is how the host really accelerates."""
+"""State of the acceleration signal; `acceleration` (m/s^2) is how the host really accelerates.
+
+`taken` (m/s^2): the newest sample that was taken; while newer ones leap from it, since `leapt_at`
+(s), they are `doubted`.
+"""
 
 
 @inner
