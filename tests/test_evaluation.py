@@ -11,6 +11,7 @@ import pytest
 
 from lfd_diagnosis.verdict import State
 from lfd_replay.calibrate import main_calibrate
+from lfd_replay.check_requirements import main_check
 from lfd_replay.drawing.paper_figures import detector_curves
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
@@ -236,6 +237,40 @@ def few_rows(extent: plan.Extent, recorded: bool) -> list[requirements.Row]:
         for row in requirements.rows(extent, recorded)
         if row.title in chosen
     ]
+
+
+def test_rows_are_checked_on_seeds_of_ones_choice(tmp_path: Path, monkeypatch, capsys) -> None:
+    """Other seeds are other drives: the figures say of how many, and are kept by seed."""
+    monkeypatch.setattr(requirements, "rows", few_healthy)
+    asked = ["healthy", "--recorded", str(tmp_path), "--out", str(tmp_path), "--jobs", "2"]
+    assert run_command(main_check, [*asked, "--seeds", "2,4"]) == 0
+    printed = capsys.readouterr()
+    assert "seeds 2,4" in printed.out and "0 in 0.04 h" in printed.out
+    assert "NOT RUN on the recorded drive" in printed.err
+    kept = [json.loads(line) for line in (tmp_path / "journal.jsonl").read_text().split("\n")[2:]]
+    assert len({entry["key"] for entry in kept}) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["no such row"], "no row's title contains 'no such row'; there are: Table 3"),
+        (["Table 3", "--seeds", "two"], "--seeds 'two': expected whole numbers"),
+        (["Table 3", "--seeds", "-1"], "--seeds '-1': expected whole numbers"),
+        (["Table 3", "--jobs", "0"], "--jobs 0: 1 or more is expected"),
+    ],
+)
+def test_rows_that_there_are_not_are_named(tmp_path: Path, capsys, arguments, named) -> None:
+    places = ["--recorded", str(tmp_path), "--out", str(tmp_path / "out")]
+    assert run_command(main_check, [*arguments, *places]) == 2
+    *_, last = capsys.readouterr().err.splitlines()
+    assert named in last
+    assert not (tmp_path / "out").exists()
+
+
+def few_healthy(extent: plan.Extent, recorded: bool) -> list[requirements.Row]:
+    runs = tuple(plan.Run("data-1", seed) for seed in extent.healthy_seeds)
+    return [requirements.Row("healthy", runs, lambda judge: judge.no_false_events())]
 
 
 def test_the_whole_evaluation_in_small(tmp_path: Path, monkeypatch) -> None:

@@ -3,6 +3,7 @@ from setuptools import setup
 EXECUTABLES = (
     "bag_player",
     "calibrate",
+    "check_requirements",
     "evaluate",
     "fault_injector",
     "host_adapter",

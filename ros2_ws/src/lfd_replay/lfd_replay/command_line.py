@@ -1,11 +1,15 @@
 """What the commands on drives have in common: options, warnings and the table of verdicts."""
 
 import argparse
+import os
 import sys
+from pathlib import Path
 
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from lfd_mpc.errors import UserError
 from lfd_replay.drive import Drive
 from lfd_replay.faults import Fault
 from lfd_replay.read_drive import add_read_options
@@ -23,6 +27,40 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
     )
     add_read_options(parser)
     parser.add_argument("--seed", type=int, default=0, help="seed of the noise fault (default: 0)")
+
+
+def parse_campaign(
+    parser: argparse.ArgumentParser, arguments: list[str], out: str
+) -> argparse.Namespace:
+    """Options of a command that runs many drives, its own and those all have; `out`: where its
+    results go unless told. Raises UserError."""
+    parser.add_argument(
+        "--recorded",
+        type=Path,
+        default=Path("../shared/data"),
+        metavar="FOLDER",
+        help="where the recorded drive is (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: %(default)s)"
+    )
+    parser.add_argument("--out", type=Path, default=Path(out), help="(default: %(default)s)")
+    options = parser.parse_args(arguments)
+    if options.jobs < 1:
+        raise UserError(f"--jobs {options.jobs}: 1 or more is expected")
+    return options
+
+
+def counting_progress() -> Progress:
+    """A bar that counts what is done, on stderr, where that is a terminal."""
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    return Progress(*columns, console=console, disable=not console.is_terminal)
 
 
 def warn(drive: Drive, faults: list[Fault]) -> None:

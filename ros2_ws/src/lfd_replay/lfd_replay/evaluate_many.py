@@ -8,12 +8,11 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from lfd_diagnosis.verdict import SIGNALS
 from lfd_mpc.errors import UserError
+from lfd_replay.command_line import counting_progress
 from lfd_replay.journal import Journal, Task, run_tasks, workers
 from lfd_replay.read_drive import is_drive
 from lfd_replay.text_file import write_text
@@ -83,14 +82,7 @@ def evaluate_all(
     tasks = [Task(_key(path, question), attempt, (evaluate, path, question)) for path in paths]
     kept = journal_file(out, paths)
     journal = Journal(kept)
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with (
-        Progress(
-            *columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal
-        ) as progress,
-        workers(jobs, scheduler) as pool,
-    ):
+    with counting_progress() as progress, workers(jobs, scheduler) as pool:
         bar = progress.add_task("evaluating", total=len(tasks))
         results = run_tasks(tasks, journal, pool, lambda: progress.advance(bar))
     ordered = [results[task.key] for task in tasks]

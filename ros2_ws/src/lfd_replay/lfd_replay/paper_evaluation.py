@@ -2,17 +2,13 @@
 
 import argparse
 import json
-import os
 import sys
 import time
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from lfd_mpc.errors import UserError
-from lfd_replay.command_line import print_table
+from lfd_replay.command_line import counting_progress, parse_campaign, print_table
 from lfd_replay.errors import run_command
 from lfd_replay.evaluation import summary
 from lfd_replay.evaluation.campaign import evaluate_paper, full, plain
@@ -36,38 +32,12 @@ def main_paper_evaluation(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="paper_evaluation", description=__doc__)
     parser.add_argument("--full", action="store_true", help="every size, kind, drive and start")
     parser.add_argument("--params", type=Path, metavar="FILE.yaml", help="ROS parameter file")
-    parser.add_argument(
-        "--recorded",
-        type=Path,
-        default=Path("../shared/data"),
-        metavar="FOLDER",
-        help="where the recorded drive is (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--out", type=Path, default=Path("out/evaluate"), help="(default: %(default)s)"
-    )
-    options = parser.parse_args(arguments)
-    if options.jobs < 1:
-        raise UserError(f"--jobs {options.jobs}: 1 or more is expected")
-
+    options = parse_campaign(parser, arguments, "out/evaluate")
     size = full() if options.full else plain()
     settings = graph_settings("paper", options.params)
     recorded = recorded_drive(options.recorded)
     started = time.perf_counter()
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    with (
-        Progress(*columns, console=console, disable=not console.is_terminal) as progress,
-        workers(options.jobs) as pool,
-    ):
+    with counting_progress() as progress, workers(options.jobs) as pool:
         bar = progress.add_task("evaluating", total=size.tasks)
         found = evaluate_paper(
             size, settings, recorded, options.out / "work", pool, lambda: progress.advance(bar)
