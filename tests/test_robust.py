@@ -563,6 +563,21 @@ def test_a_host_speed_that_fell_to_zero_is_faulty_until_it_moves_again(car: Car)
     assert car.faults_since(0) == {"host_speed"}
 
 
+@pytest.mark.parametrize("left", [1.2, 1.3])
+def test_what_a_drift_has_left_is_no_jump(car: Car, left: float) -> None:
+    start = car.number
+    for k in range(300):
+        car.step(acceleration=2.0 * k / 300)
+    assert car.outcomes[-1].report.acceleration.kind == Kind.RAMP
+    for k in range(100):
+        car.step(acceleration=2.0 + (left - 2.0) * k / 100)
+    report = car.drive(5.0, acceleration=left).report
+    assert report.acceleration.state == State.OK
+    states = [outcome.report.acceleration.state for outcome in car.outcomes[start:]]
+    ends = sum(a == State.FAULT != b for a, b in zip(states, states[1:], strict=False))
+    assert ends == 1, "found once, and cleared once"
+
+
 @pytest.mark.parametrize("slope", [1.3, -1.3])
 def test_while_the_speed_is_missing_the_slope_may_change(car: Car, slope: float) -> None:
     start, car.host_speed = car.number, False

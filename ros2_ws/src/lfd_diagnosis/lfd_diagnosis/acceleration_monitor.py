@@ -270,7 +270,12 @@ def _requalify(monitor, settings, disagrees):
     if monitor.agreeing >= settings.clear_time:
         if not isnan(monitor.reference):
             monitor.slope += monitor.reference - monitor.slope_before
+        drifted = monitor.kind == Kind.RAMP and monitor.check.ground == Ground.HOST_SPEED
+        left = monitor.check.residual
         forgive_acceleration(monitor)
+        if drifted:
+            # What a slope or a drift within its limit has left is no jump.
+            monitor.baseline = monitor.slope + left
 
 
 @inner
