@@ -6,7 +6,9 @@ from dataclasses import replace
 from functools import cache
 from random import Random
 
+import numpy as np
 import pytest
+from scipy.signal import savgol_filter
 
 from lfd_diagnosis.verdict import Event, Kind, State
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, Sample
@@ -142,6 +144,60 @@ def test_a_radar_that_loses_scans_is_healthy(name: str, share: float) -> None:
 @pytest.mark.parametrize("name", ["bumps", "braking"])
 def test_an_accelerometer_that_feels_no_bad_road_blames_no_speed_for_it(name: str) -> None:
     assert faults(noisy(drive(name), ACCELERATION, 0.5)) == []
+
+
+@pytest.mark.parametrize("name", ["bumps", "hill", "cut-in"])
+@pytest.mark.parametrize("period", [0.01, 0.05, 0.1])
+@pytest.mark.parametrize("told", [True, False])
+def test_an_accelerometer_that_is_shaken_is_healthy_however_seldom_it_speaks(
+    name: str, period: float, told: bool
+) -> None:
+    """`told`: whether the host's speed is. Each sample of a slow sensor counts for long."""
+    samples = noisy(thinned(drive(name), ACCELERATION, period), ACCELERATION, 1.0)
+    assert faults([s for s in samples if told or s.input != HOST_SPEED]) == []
+
+
+def shaken(samples: Sequence[Sample]) -> list[Sample]:
+    """Wheels that a bad road shakes for 0.9 s now and then."""
+    random = Random(5)
+    return [
+        replace(s, value=s.value + random.gauss(0.0, 0.2))
+        if s.input == HOST_SPEED and s.stamp * 1e-9 % 31.0 > 30.1
+        else s
+        for s in samples
+    ]
+
+
+def derived(samples: Sequence[Sample]) -> list[Sample]:
+    """An acceleration that is made of the wheels' speed: it feels nothing of the road."""
+    speeds = [s for s in samples if s.input == HOST_SPEED]
+    at = np.array([s.stamp for s in speeds]) * 1e-9
+    steepness = savgol_filter([s.value for s in speeds], 15, 2, deriv=1, delta=np.diff(at).mean())
+    made = [
+        replace(s, input=ACCELERATION, value=float(v))
+        for s, v in zip(speeds, steepness, strict=True)
+    ]
+    others = [s for s in samples if s.input != ACCELERATION]
+    return sorted([*others, *made], key=lambda s: s.stamp)
+
+
+@pytest.mark.parametrize("name", ["hill", "cut-in"])
+@pytest.mark.parametrize("feels", ["the road", "the wheels"])
+def test_a_bad_road_that_not_all_sensors_feel_is_nobodys_fault(name: str, feels: str) -> None:
+    samples = shaken(drive(name))
+    assert faults(derived(samples) if feels == "the wheels" else samples) == []
+
+
+def test_a_bad_road_is_nothing_to_a_speed_that_comes_seldom() -> None:
+    """From satellites, say: there it is the accelerometer alone that is shaken."""
+    random = Random(5)
+    samples = [
+        replace(s, value=s.value + random.gauss(0.0, 1.5))
+        if s.input == ACCELERATION and s.stamp * 1e-9 % 31.0 > 30.1
+        else s
+        for s in thinned(drive("cut-in"), HOST_SPEED, 0.1)
+    ]
+    assert faults(samples) == []
 
 
 @pytest.mark.parametrize(

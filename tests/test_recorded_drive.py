@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from lfd_diagnosis.verdict import State
-from lfd_mpc.samples import RADAR, playing_order
+from lfd_diagnosis.verdict import VERDICTS, State
+from lfd_mpc.samples import ACCELERATION, INPUTS, RADAR, playing_order
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
+from lfd_replay.evaluation.cases import load_drive
 from lfd_replay.evaluation.recorded_noise import recorded_sensors_drive
 from lfd_replay.evaluation.recorded_tracks import (
     COUNT,
@@ -20,6 +21,7 @@ from lfd_replay.evaluation.recorded_tracks import (
     track_drive,
     track_id_drive,
 )
+from lfd_replay.evaluation.recorded_views import VIEWS, seen_by
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.import_drive import main_import
 from lfd_replay.offline import OfflineGraph
@@ -232,3 +234,19 @@ def test_an_acceleration_that_jumps_on_a_rough_road_is_told_at_once(
     ]
     assert len(found) == 1
     assert start < found[0] < start + 0.125
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_the_recorded_car_is_healthy_with_other_sensors_too(data: Path, view: str) -> None:
+    for number in (None, 0, 2, 9, 23):
+        base = load_drive(NAME, data) if number is None else track_drive(data, number)
+        seen = seen_by(view, base, data)
+        assert all(sample.input in INPUTS for sample in seen.samples)
+        assert seen.count(ACCELERATION) > 9 * seen.duration
+        flagged = {
+            name
+            for rows in OfflineGraph(graph_settings("robust")).rows(seen.samples)
+            for name in VERDICTS
+            if (rows["outcome"][name]["state"] == State.FAULT).any()
+        }
+        assert not flagged, number

@@ -4,12 +4,19 @@ No car changes its acceleration by metres per second squared within a tenth of a
 there, unless the lead seems to do the very same (then it is the accelerometer).
 """
 
-from math import isnan
+from math import isnan, sqrt
 
 import numpy as np
 
 from lfd_diagnosis.acceleration_size import estimate_size
-from lfd_diagnosis.acceleration_state import BASE_SHARE, BASELINE_DELAY, RADAR_GONE, SAMPLES, SHARP
+from lfd_diagnosis.acceleration_state import (
+    BASE_SHARE,
+    BASELINE_DELAY,
+    RADAR_GONE,
+    SAMPLES,
+    SHARP,
+    shaking_left,
+)
 from lfd_diagnosis.evidence import Ground, set_check
 from lfd_diagnosis.healthy_signal import (
     append,
@@ -28,14 +35,22 @@ from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
 
-SHAKEN_LIMIT = 1.6
-"""How much larger a jump must be while the road shakes the sensor."""
+SHAKEN_LIMIT, SHAKEN_SIGMA = 1.6, 3.0
+"""How much larger a jump must be while the road shakes the sensor, and deviations of what a shaking
+makes of it that it must exceed."""
+
+JUMP_SIGMA, WARM_UP = 5.0, 30
+"""Learnt deviations of such a change that a jump must exceed, and learnt changes over which limits
+come down from thrice to once their width."""
 
 SMOOTH = 0.3
 """Time constant in s through which an acceleration is rebuilt from the relative one."""
 
 BLIND_STD = 0.7
 """m/s^2 to which an acceleration is known from the lead's alone: how much that varies."""
+
+SWINGS = 16
+"""Steps in which a bump swings forth and back twice: their mean must have jumped, too."""
 
 JUMP_MEMORY = 25
 """Steps after a jump in which it is held against the observers."""
@@ -52,6 +67,8 @@ RELATIVE_SHARE = share_of(SMOOTH)
 @inner
 def follow_lead(monitor, relative_acceleration):
     """The lead's acceleration as accelerometer and observers make it."""
+    if is_full(monitor.samples) and not (monitor.ticks % 10 or monitor.faulty):
+        learn_noise(monitor.jump_noise, _change(monitor), 0.0)
     gone = isnan(relative_acceleration)
     if gone:
         monitor.radar_gone += 1
@@ -59,11 +76,14 @@ def follow_lead(monitor, relative_acceleration):
             monitor.lead = np.nan
             start_ring(monitor.lead_recent, BASELINE_DELAY)
             return
+        relative_acceleration = monitor.relative
     else:
         monitor.radar_gone = 0
-        if not monitor.jumped_for:
-            monitor.relative = relative_acceleration
-    now = monitor.relative if gone else relative_acceleration
+    # The injection switches from step to step.
+    now = 0.5 * (relative_acceleration + monitor.relative_then)
+    monitor.relative_then = relative_acceleration
+    if not (gone or monitor.jumped_for):
+        monitor.relative = now
     monitor.relative_now = now
     monitor.relative_slow += RELATIVE_SHARE * (now - monitor.relative_slow)
     monitor.lead = monitor.filtered + now
@@ -129,13 +149,27 @@ def _against_report(monitor, settings, lead_report):
 
 
 @inner
-def _against_observers(monitor, settings):
+def _change(monitor):
+    """By how much the mean of the last samples differs from that just before (m/s^2)."""
     samples = monitor.samples
-    jump = 0.0
-    if is_full(samples):
-        jump = mean_of(samples, SAMPLES - SHARP, SAMPLES) - mean_of(samples, 0, SHARP)
+    return mean_of(samples, SAMPLES - SHARP, SAMPLES) - mean_of(samples, 0, SHARP)
+
+
+@inner
+def _jump_limit(monitor, settings):
+    """What no car changes its acceleration by at once, nor this sensor's noise (m/s^2)."""
     # On a bad road, or over a kerb, even the mean of some samples jumps.
     limit = settings.jump_limit * (SHAKEN_LIMIT if monitor.shaken else 1.0)
+    noise = sqrt(2.0) * shaking_left(monitor, SHARP * STEP_S)
+    least = max(limit, SHAKEN_SIGMA * noise, JUMP_SIGMA * deviation(monitor.jump_noise))
+    return least * (1.0 + 2.0 * max(0.0, 1.0 - monitor.jump_noise.count / WARM_UP))
+
+
+@inner
+def _against_observers(monitor, settings):
+    samples = monitor.samples
+    jump = _change(monitor) if is_full(samples) else 0.0
+    limit = _jump_limit(monitor, settings)
     if abs(jump) > limit:
         if not monitor.jumped_for:
             monitor.lead_reference = mean_of(monitor.lead_recent, 0, 2 * BASELINE_DELAY // 3)
@@ -145,9 +179,11 @@ def _against_observers(monitor, settings):
         _take_if_worse(monitor.check, Ground.OBSERVERS, jump, limit)
         return
     monitor.jumped_for -= 1
-    # A jump that the observers answer with the opposite one is the car's own.
-    now = mean_of(samples, samples.count - SHARP, samples.count)
-    residual = now - monitor.before + monitor.relative_now - monitor.relative
+    # A jump that the observers answer with the opposite one is the car's own; a bump's swings are
+    # none, in a longer mean.
+    jumped = mean_of(samples, SAMPLES - SWINGS, SAMPLES) - monitor.before
+    answered = monitor.relative_now - monitor.relative
+    residual = jumped + (answered if answered * monitor.jump_sign < 0.0 else 0.0)
     if residual * monitor.jump_sign < 0.0:
         residual = 0.0
     _take_if_worse(monitor.check, Ground.OBSERVERS, residual, 0.8 * limit)

@@ -15,7 +15,13 @@ from lfd_diagnosis.acceleration_jump import (
     least_beyond,
 )
 from lfd_diagnosis.acceleration_size import JUMPED, estimate_size
-from lfd_diagnosis.acceleration_state import BASE_SHARE, LAG_MEMORY, LAG_PRIOR, newest_sample
+from lfd_diagnosis.acceleration_state import (
+    BASE_SHARE,
+    LAG_MEMORY,
+    LAG_PRIOR,
+    newest_sample,
+    shaking_left,
+)
 from lfd_diagnosis.evidence import Ground, is_exceeded, set_check
 from lfd_diagnosis.healthy_signal import (
     POSSIBLE_JERK,
@@ -72,8 +78,8 @@ LARGEST_LAG = 0.3
 SLOPE_TIME = 4.0
 """Time constant in s of the slow mean, as far as its rate allows."""
 
-BURST = 0.15
-"""Share of a shaking's rms by which limits widen."""
+BURST, SHAKEN_SIGMA = 0.15, 2.0
+"""Share of a shaking's rms by which limits widen, and deviations of what it leaves, if more."""
 
 LASTING, LARGE = 6, 2.0
 """Steps for which a jump must have lasted, and how many times its limit it must be, to be seen in
@@ -132,7 +138,7 @@ def against_speed(monitor, settings):
     if monitor.leapt_for and not is_exceeded(check):
         # No bump lasts, no manoeuvre leaps: what does both is seen before the filters say so.
         least = least_beyond(monitor.jump, LASTING)
-        limit = LARGE * learning * step_limit + allowance - BURST * monitor.burst**0.5
+        limit = LARGE * learning * step_limit + allowance - _shaken_by(monitor, settings)
         if abs(least) > limit:
             set_check(check, Ground.HOST_SPEED, least, limit, Kind.OFFSET, monitor.baseline)
     if is_exceeded(check):
@@ -176,10 +182,18 @@ def _follow_own_jerk(monitor):
 
 
 @inner
+def _shaken_by(monitor, settings):
+    """What a shaking leaves in the filtered acceleration (m/s^2)."""
+    averaged = 2.0 * settings.host_speed_filter_time + monitor.roughness.period
+    left = SHAKEN_SIGMA * shaking_left(monitor, averaged)
+    return max(BURST * monitor.burst**0.5, left)
+
+
+@inner
 def _allowance(monitor, settings):
     """By how many m/s^2 a jerk or a shaking widens the limits."""
     jerk = max(abs(jerk_of(monitor.speed)), monitor.speed.largest_jerk - SHARP_JERK)
-    allowance = settings.jerk_allowance * jerk + BURST * monitor.burst**0.5
+    allowance = settings.jerk_allowance * jerk + _shaken_by(monitor, settings)
     # A sharp manoeuvre shows every lag that is not known; the accelerometer feels it first.
     doubt = LAG_DOUBT * (LAG_PRIOR + LITTLE_JERK) / (monitor.lag_square + LITTLE_JERK)
     allowance += doubt * max(jerk - CALM_JERK, 0.0)

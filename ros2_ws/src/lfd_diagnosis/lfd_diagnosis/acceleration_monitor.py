@@ -19,6 +19,7 @@ from lfd_diagnosis.acceleration_jump import is_measured, restart_jump
 from lfd_diagnosis.acceleration_size import DRIFT_TIME, SLOPE_DRIFT, find_size
 from lfd_diagnosis.acceleration_state import (
     BASELINE_DELAY,
+    follow_shaking,
     forget_baseline,
     forgive_acceleration,
     newest_sample,
@@ -35,6 +36,7 @@ from lfd_diagnosis.healthy_signal import (
     is_frozen,
     is_new,
     is_rough,
+    mean_of,
     note_change,
     resolution_of,
     rough_share,
@@ -59,16 +61,22 @@ LARGEST_STEP, LEAP, LEAP_MEMORY = 1.0, 3.0, 30
 """m/s^2 by which a possible jerk moves the accelerometer at most from one sample to the next, and
 roughness beyond that: what exceeds them is a leap, for so many steps."""
 
+TOLD, FEW, SHORT, SHARPEST = 3.0, 3, 0.04, 60.0
+"""m/s^2 by which single samples must leap where they are too noisy to tell, samples whose mean then
+does, seconds that they take at most, and m/s^3 that it exceeds: no braking is as sharp."""
+
 OUTLIER, OUTLASTS = 8.0, 0.04
 """m/s^2 by which no car's acceleration leaps: samples that do are not taken before they have done
 so for that many seconds, as no shock does."""
 
+DISAGREES = 0.5
+"""Share of its limit beyond which a sample by itself disagrees."""
+
 SHAKEN = 0.1
 """Share of rough samples above which the road shakes a sensor."""
 
-NUMB, SELDOM = 0.5, 0.03
-"""Usual second difference in m/s^2, and time between samples in s, beyond which an accelerometer
-does not feel a bad road."""
+SELDOM = 0.03
+"""Seconds between two samples beyond which a speed tells nothing of a bad road."""
 
 HELD_CHANGE, HELD_STEPS = 0.2, 2.5
 """m/s^2, and steps of its resolution, by which the speed's derivative must change while the
@@ -94,8 +102,7 @@ def follow_acceleration(monitor, settings, horizon):
         felt = monitor.acceleration
         if not monitor.faulty and not isnan(monitor.filtered):
             felt = monitor.filtered - monitor.slope
-        feels = usable and _feels(monitor)
-        follow_speed(speed, settings, now, time, value, felt, monitor.shaken, feels)
+        follow_speed(speed, settings, now, time, value, felt, monitor.shaken)
     else:
         lose_speed(speed)
     if usable:
@@ -109,13 +116,6 @@ def follow_acceleration(monitor, settings, horizon):
             monitor.acceleration = at(monitor.before_jump, 0)
     else:
         monitor.acceleration *= LEAD_KEEP
-
-
-@inner
-def _feels(monitor):
-    """Whether the accelerometer would feel a bad road."""
-    roughness, alive = monitor.roughness, not monitor.faulty or _is_gauged(monitor)
-    return alive and roughness.usual < NUMB * NUMB and roughness.period < SELDOM
 
 
 @inner
@@ -140,8 +140,8 @@ def _follow_samples(monitor, settings, time, value):
     monitor.burst += share * ((value - monitor.filtered) ** 2 - monitor.burst)
     monitor.leapt_for = max(monitor.leapt_for - 1, 0)
     if monitor.fresh:
-        possible = min(POSSIBLE_JERK * period, LARGEST_STEP)
-        if abs(value - monitor.repetition.value) > possible + LEAP * sqrt(monitor.roughness.usual):
+        follow_shaking(monitor, value)
+        if _leaps(monitor, period):
             monitor.leapt_for = LEAP_MEMORY
         standing = is_standing(monitor.speed)
         take_roughness(monitor.roughness, time, value, not (monitor.faulty or standing), 0.0)
@@ -154,9 +154,35 @@ def _follow_samples(monitor, settings, time, value):
     # A bad road shakes the wheels, too; a sensor's own noise does not.
     monitor.shaken = rough_share(monitor.roughness) > SHAKEN
     # An engine, and those who get on, shake a standing car, and its wheels tell nothing of it.
-    excused = is_standing(monitor.speed) and not monitor.faulty
-    rough = is_rough(monitor.roughness) and not excused
+    excused = is_standing(monitor.speed) or _is_bad_road(monitor.speed)
+    rough = is_rough(monitor.roughness) and (monitor.faulty or not excused)
     monitor.rough_for = monitor.rough_for + STEP_S if rough else 0.0
+
+
+@inner
+def _is_bad_road(speed):
+    """Whether the wheels are shaken, too."""
+    told = not (speed.faulty or isnan(speed.last))
+    return told and rough_share(speed.roughness) > SHAKEN
+
+
+@inner
+def _leaps(monitor, period):
+    """Whether the newest sample, or the mean of three, leaves the one before as no manoeuvre does;
+    a noisy sensor's single ones tell little."""
+    newest, rough = monitor.newest, LEAP * sqrt(monitor.roughness.usual)
+    last = newest.count - 1
+    if last < 1:
+        return False
+    possible = min(POSSIBLE_JERK * period, LARGEST_STEP)
+    if abs(at(newest, last) - at(newest, last - 1)) > possible + rough:
+        return True
+    if last < 2 * FEW or FEW * period > SHORT or possible + rough < TOLD:
+        return False
+    now, before = newest.count - FEW, newest.count - 2 * FEW
+    step = mean_of(newest, now, newest.count) - mean_of(newest, before, now)
+    # The difference of two such means has a third of a second difference's noise.
+    return abs(step) > SHARPEST * FEW * period + rough / 3.0
 
 
 @inner
@@ -214,6 +240,7 @@ def judge_acceleration(
         and monitor.confidence >= settings.acceleration_steps
         # One sample alone may be an outlier, however many steps hold it.
         and monitor.new_samples >= 2
+        and _newest_disagrees(monitor)
         and not (check.ground == Ground.HOST_SPEED and speed_may_be_wrong(monitor, settings))
     ):
         _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
@@ -227,9 +254,21 @@ def _is_gauged(monitor):
 
 @inner
 def _seems_rough(monitor, usable):
-    if not usable or abs(monitor.speed.last) < SLOW:
+    speed = monitor.speed
+    if not usable or abs(speed.last) < SLOW or speed.roughness.period > SELDOM:
         return monitor.rough_for >= ROUGH_TIME_ALONE
-    return monitor.rough_for >= ROUGH_TIME and rough_share(monitor.speed.roughness) <= SHAKEN
+    return monitor.rough_for >= ROUGH_TIME
+
+
+@inner
+def _newest_disagrees(monitor):
+    """Whether the newest sample does so itself, not only what was made of those before."""
+    check, samples = monitor.check, monitor.samples
+    smooth = monitor.filtered
+    if check.ground == Ground.OBSERVERS:
+        smooth = mean_of(samples, 0, samples.count)
+    newest = check.residual + newest_sample(monitor) - smooth
+    return newest * check.residual > 0.0 and abs(newest) > DISAGREES * check.limit
 
 
 @inner
@@ -238,7 +277,7 @@ def _count(monitor, settings, exceeded):
     if exceeded:
         if monitor.confidence == 0:
             monitor.new_samples = 0
-        monitor.new_samples += monitor.fresh
+        monitor.new_samples += monitor.fresh and _newest_disagrees(monitor)
         monitor.confidence = min(monitor.confidence + 1, settings.confidence_max)
     else:
         monitor.confidence = max(monitor.confidence - 1, 0)

@@ -1,5 +1,7 @@
 """What is known of the host's accelerometer: its samples, what they are held against, its fault."""
 
+from math import sqrt
+
 import numpy as np
 
 from lfd_diagnosis.acceleration_jump import JUMP, restart_jump, start_jump
@@ -9,6 +11,7 @@ from lfd_diagnosis.healthy_signal import (
     REPETITION,
     RING,
     ROUGHNESS,
+    append,
     at,
     restart_repetition,
     restart_roughness,
@@ -36,6 +39,12 @@ SHARP, SHARP_GAP = 8, 4
 SAMPLES = 2 * SHARP + SHARP_GAP
 """Steps that are looked at for a jump."""
 
+NEWEST, FEWEST = 9, 4
+"""Samples that tell how much the sensor is shaken just now, and how many it takes."""
+
+STRONG = 2.0
+"""m/s^2 by which it may be shaken before that is known."""
+
 RADAR_GONE = 30
 """Steps for which the last relative acceleration stands in for one that is no longer known."""
 
@@ -62,6 +71,8 @@ ACCELERATION = np.dtype(
         ("rough_for", "f8"),
         ("burst", "f8"),
         ("shaken", "?"),
+        ("newest", RING),
+        ("shaking", "f8"),
         ("repetition", REPETITION),
         ("derivative_when_held", "f8"),
         # What they are held against: the host's speed.
@@ -81,6 +92,7 @@ ACCELERATION = np.dtype(
         ("step_noise", LEARNT_NOISE),
         ("jump", JUMP),
         # Without it: the lead as observers and accelerometer see it, and its own word.
+        ("relative_then", "f8"),
         ("relative_now", "f8"),
         ("relative_slow", "f8"),
         ("relative", "f8"),
@@ -90,6 +102,7 @@ ACCELERATION = np.dtype(
         ("lead_recent", RING),
         ("own_slow", "f8"),
         ("own_recent", RING),
+        ("jump_noise", LEARNT_NOISE),
         ("jumped_for", "i8"),
         ("jump_sign", "f8"),
         ("before", "f8"),
@@ -121,7 +134,8 @@ ACCELERATION = np.dtype(
 """State of the acceleration signal; `acceleration` (m/s^2) is how the host really accelerates.
 
 `taken` (m/s^2): the newest sample that was taken; while newer ones leap from it, since `leapt_at`
-(s), they are `doubted`.
+(s), they are `doubted`. `shaking` (m/s^2): the deviation of single samples just now, by the
+`newest` ones.
 """
 
 
@@ -136,6 +150,7 @@ def start_acceleration(monitor, settings):
     start_noise(monitor.step_noise, 0.15, 0.03, 1.0, learn, 2000)
     start_noise(monitor.slow_noise, 0.2, 0.05, 1.0, learn, 2000)
     start_noise(monitor.report_noise, max(0.25, settings.lead_report_std), 0.1, 1.0, learn, 2000)
+    start_noise(monitor.jump_noise, 0.2, 0.05, 1.5, learn, 2000)
     start_jump(monitor.jump, learn)
     monitor.lag_product, monitor.lag_square = 0.0, LAG_PRIOR
     monitor.best_product, monitor.best_square = 0.0, LAG_PRIOR
@@ -165,11 +180,12 @@ def restart_acceleration(monitor):
     monitor.own_slow = np.nan
     start_ring(monitor.own_recent, BASELINE_DELAY)
     monitor.report_off = 0.0
-    monitor.relative_now = monitor.relative_slow = monitor.before = 0.0
+    monitor.relative_then = monitor.relative_now = monitor.relative_slow = monitor.before = 0.0
     monitor.relative, monitor.radar_gone = 0.0, RADAR_GONE
     monitor.jumped_for, monitor.jump_sign = 0, 0.0
     monitor.rough_for = 0.0
-    monitor.shaken = False
+    monitor.shaken, monitor.shaking = False, 0.0
+    start_ring(monitor.newest, NEWEST)
     monitor.acceleration = 0.0
 
 
@@ -194,6 +210,28 @@ def forget_baseline(monitor):
     """What the difference was a moment ago is not known."""
     monitor.baseline = np.nan
     start_ring(monitor.recent, BASELINE_DELAY)
+
+
+@inner
+def follow_shaking(monitor, value):
+    """Take a new sample (m/s^2): the median of the steps between the newest ones tells of all of
+    them, but not of a jump among them."""
+    newest = monitor.newest
+    append(newest, value)
+    if newest.count < FEWEST:
+        monitor.shaking = STRONG
+        return
+    steps = np.empty(newest.count - 1)
+    for i in range(len(steps)):
+        steps[i] = abs(at(newest, i + 1) - at(newest, i))
+    monitor.shaking = np.median(steps)
+
+
+@inner
+def shaking_left(monitor, time):
+    """Deviation in m/s^2 of a mean of that many s, as far as the sensor is shaken; a seldom sample
+    counts for long."""
+    return monitor.shaking * sqrt(min(monitor.roughness.period / time, 1.0))
 
 
 @inner

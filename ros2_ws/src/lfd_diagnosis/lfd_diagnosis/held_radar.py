@@ -1,6 +1,6 @@
 """Radar signals that repeat themselves, and whether they had reason to change (robust profile)."""
 
-from math import exp, sqrt
+from math import exp, isnan, sqrt
 
 from lfd_diagnosis.healthy_signal import (
     CHANCE,
@@ -24,6 +24,9 @@ HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 
 """What tells that a relative velocity which repeats itself should have changed: m/s, and steps of
 its resolution, by host and lead, and m/s^2 of doubt about the lead after a second; or deviations of
 the clearance's noise by which that leaves the path, filtered by a share."""
+
+BLIND_DOUBT = 0.5
+"""m/s^2 of doubt about the host while nothing but its accelerometer tells how it moves."""
 
 EXPECTED_SIGMA = 2.0
 """Standard deviations of the track by which what is expected may be off."""
@@ -148,6 +151,8 @@ def should_have_changed(radar, settings, signal, of_clearance):
     known_for = max(radar.held_since - radar.begun_at, 0.0)
     change = max(HELD_CHANGE, CHANGE_STEPS * step) + LEAD_DOUBT * max(held_for - 1.0, 0.0)
     change += UNKNOWN_LEAD * exp(-known_for / SLOW) * held_for
+    if isnan(radar.host_speed):
+        change += BLIND_DOUBT * held_for
     return radar.most_changed > change or _has_left(radar, settings)
 
 

@@ -228,15 +228,15 @@ def jerk_of(speed):
 
 
 @inner
-def follow_speed(speed, settings, now, at, value, acceleration, shaken, felt):
+def follow_speed(speed, settings, now, at, value, acceleration, shaken):
     """One step at `now`: newest sample in m/s of time `at` in s, the host accelerating as stated.
 
-    `shaken`: the accelerometer feels a bad road; `felt`: it would feel one.
+    `shaken`: the accelerometer feels a bad road.
     """
     if is_new(at, speed.seen_at):
         speed.seen_at = at
         if not _is_doubtful(speed, at, value, acceleration):
-            _take(speed, settings, at, value, acceleration, shaken, felt)
+            _take(speed, settings, at, value, acceleration, shaken)
     if speed.faulty:
         _stop_following(speed)
         return
@@ -283,7 +283,7 @@ def _possible_jump(speed, period):
 
 
 @inner
-def _take(speed, settings, at, value, acceleration, shaken, felt):
+def _take(speed, settings, at, value, acceleration, shaken):
     healthy = not speed.faulty
     take_roughness(speed.roughness, at, value, healthy and not is_standing(speed), 0.0)
     if is_standing(speed):
@@ -321,7 +321,8 @@ def _take(speed, settings, at, value, acceleration, shaken, felt):
         run = speed.repetition.run + 1
         _convict(speed, Kind.HOLD, np.nan, Ground.SPEED_HELD, value, run, 0.0)
     elif settings.check_roughness and speed.rough_for >= ROUGH_TIME and not shaken:
-        if felt or speed.rough_for >= ROUGH_TIME_ALONE:
+        # Not every accelerometer feels a bad road.
+        if speed.rough_for >= ROUGH_TIME_ALONE:
             share = rough_share(speed.roughness)
             _convict(speed, Kind.NOISE, np.nan, Ground.ROUGHNESS, share, 0.0, 0.0)
         else:

@@ -301,6 +301,20 @@ def judge_healthy(judge: Judge, ready: float = 0.95) -> None:
     judge.is_ready(ready)
 
 
+def judge_views(judge: Judge) -> None:
+    """Silent, whatever the sensors; without host speed it takes a lead to be ready."""
+    judge.no_false_events()
+
+
+def judge_found_in_views(judge: Judge) -> None:
+    """Every faulty signal found and no other one; how soon depends on how often sensors speak."""
+    for signal in judge.signals():
+        delays = judge.found(signal, 0.99)
+        judge.middle(f"{signal}, median delay", delays, 0.200)
+    judge.no_blame(0.98)
+    judge.no_false_events()
+
+
 def judge_rebuilt(judge: Judge, recorded: bool, host_speed: bool = True) -> None:
     """Reconstructed signals while the measured ones are faulty."""
     least = 0.90 if recorded else 0.95

@@ -8,7 +8,8 @@ import numpy as np
 from lfd_replay.evaluation.cases import RECORDED, RECORDED_RADAR_FIRST, SCAN
 from lfd_replay.evaluation.fault_windows import PAPER, PAUSE, WARM_UP
 from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS
-from lfd_replay.evaluation.recorded_tracks import BACKWARD, TRACK
+from lfd_replay.evaluation.recorded_tracks import BACKWARD, COUNT, TRACK
+from lfd_replay.evaluation.recorded_views import VIEWS
 from lfd_replay.evaluation.requirements.windows import AFTER, NEAREST, Run
 from lfd_replay.generated.lead_profiles import NORMAL, TRAFFIC, lead_profile
 
@@ -209,6 +210,22 @@ def real(extent: Extent, values: tuple, signed: bool) -> list[Run]:
                 if texts:
                     runs.append(Run(f"{view}{drive}", 1, tuple(texts)))
     return runs
+
+
+def views(extent: Extent, host_speed: bool) -> list[Run]:
+    """The recorded car behind all its leads, as if it had other sensors."""
+    leads = (RECORDED, *(f"{TRACK}{k}" for k in range(COUNT)))
+    return [
+        Run(lead, 0, sensor=view, host_speed=host_speed)
+        for view in VIEWS
+        for lead in leads[:: 10 // extent.starts]
+    ]
+
+
+def faults_in_views(extent: Extent, values: tuple) -> list[Run]:
+    """Faults all along those of its leads that last."""
+    runs = as_driven(real(extent, values, signed=False))
+    return [replace(run, sensor=view) for view in VIEWS for run in runs]
 
 
 def as_driven(runs: list[Run]) -> list[Run]:

@@ -20,6 +20,7 @@ from lfd_replay.evaluation.recorded_tracks import (
     track_drive,
     track_id_drive,
 )
+from lfd_replay.evaluation.recorded_views import VIEWS, seen_by
 from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.generated.generate import drive_truth, generate_drive
@@ -72,6 +73,8 @@ class Run:
 
 def load(run: Run, recorded: Path | None) -> Drive:
     """The drive of a run."""
+    if run.sensor in VIEWS and recorded is not None:
+        return seen_by(run.sensor, load(replace(run, sensor="esr"), recorded), recorded)
     if run.drive.startswith(BACKWARD):
         return backward(load(replace(run, drive=run.drive.removeprefix(BACKWARD)), recorded))
     if run.drive == NEAREST:

@@ -1,0 +1,103 @@
+"""The recorded car as if it had other sensors.
+
+Its acceleration as others felt or derived it, and everything joined into one table, as many
+recordings are.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lfd_mpc.samples import (
+    ACCELERATION,
+    HOST_SPEED,
+    RadarSample,
+    Sample,
+    ScalarSample,
+    playing_order,
+)
+from lfd_replay.drive import Drive
+from lfd_replay.drive_csv import ACCEL, scalar_stream
+from lfd_replay.evaluation.cases import RECORDED
+from lfd_replay.import_drive import extra_column
+
+PHONE = "imu_phone.csv:acc_forward_mps2"
+"""A phone on the windscreen: it shakes, and is off for good."""
+
+WHEELS = "can_accel_0x228.csv:acc_mps2"
+"""What the car makes of its wheels' speed: it feels no road."""
+
+DERIVED = "derived"
+"""The speed's own derivative, from sample to sample."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Other sensors: the `accelerometer` (the recorded one if empty), and of how many scans one is
+    kept, with what was last heard of the others at its time (0: all sensors speak for themselves).
+    """
+
+    accelerometer: str = ""
+    every: int = 0
+
+
+VIEWS = {
+    "phone": View(PHONE),
+    "wheels": View(WHEELS),
+    "joined at 20 Hz": View(every=1),
+    "joined at 10 Hz": View(every=2),
+    "phone, joined at 20 Hz": View(PHONE, 1),
+    "phone, joined at 10 Hz": View(PHONE, 2),
+    "derived, joined at 10 Hz": View(DERIVED, 2),
+}
+"""By name, among the names of sensor suites."""
+
+
+def seen_by(name: str, drive: Drive, folder: Path) -> Drive:
+    """A drive of the recorded car as one of `VIEWS` sees it. Raises UserError."""
+    view, samples = VIEWS[name], list(drive.samples)
+    if view.accelerometer not in ("", DERIVED):
+        samples = _with(samples, _recorded(view.accelerometer, folder))
+    if view.every:
+        samples = _joined(samples, view.every)
+    if view.accelerometer == DERIVED:
+        samples = _with(samples, _derived(samples))
+    return Drive(f"{drive.name}, {name}", samples)
+
+
+def _recorded(file: str, folder: Path) -> list[Sample]:
+    return scalar_stream(*extra_column(f"{folder / RECORDED}.{file}", ACCEL), ACCELERATION)
+
+
+def _derived(samples: list[Sample]) -> list[Sample]:
+    speeds = [s for s in samples if isinstance(s, ScalarSample) and s.input == HOST_SPEED]
+    stamps = np.array([s.stamp for s in speeds])
+    values = np.gradient([s.value for s in speeds], stamps * 1e-9)
+    return [
+        ScalarSample(ACCELERATION, int(t), float(v)) for t, v in zip(stamps, values, strict=True)
+    ]
+
+
+def _with(samples: list[Sample], accelerations: list[Sample]) -> list[Sample]:
+    """Another accelerometer, for as long as the drive's own one spoke."""
+    stamps = [s.stamp for s in samples if s.input == ACCELERATION]
+    within = [s for s in accelerations if stamps[0] <= s.stamp <= stamps[-1]]
+    others = [s for s in samples if s.input != ACCELERATION]
+    return sorted([*others, *within], key=playing_order)
+
+
+def _joined(samples: list[Sample], every: int) -> list[Sample]:
+    """Each `every`-th scan, with the last value of everything else at its time."""
+    made: list[Sample] = []
+    last: dict[str, float] = {}
+    scans = 0
+    for sample in samples:
+        if not isinstance(sample, RadarSample):
+            last[sample.input] = sample.value
+            continue
+        if scans % every == 0:
+            made.append(sample)
+            made += [ScalarSample(name, sample.stamp, value) for name, value in last.items()]
+        scans += 1
+    return made
