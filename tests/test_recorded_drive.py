@@ -14,7 +14,9 @@ from lfd_replay.evaluate import main_evaluate
 from lfd_replay.evaluation.cases import load_drive
 from lfd_replay.evaluation.recorded_noise import recorded_sensors_drive
 from lfd_replay.evaluation.recorded_tracks import (
+    BACKWARD,
     COUNT,
+    LANES,
     TRACK_IDS,
     backward,
     recorded_tracks,
@@ -22,6 +24,7 @@ from lfd_replay.evaluation.recorded_tracks import (
     track_id_drive,
 )
 from lfd_replay.evaluation.recorded_views import VIEWS, seen_by
+from lfd_replay.evaluation.requirements.windows import Run, run_windows
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.import_drive import main_import
 from lfd_replay.offline import OfflineGraph
@@ -250,3 +253,10 @@ def test_the_recorded_car_is_healthy_with_other_sensors_too(data: Path, view: st
             if (rows["outcome"][name]["state"] == State.FAULT).any()
         }
         assert not flagged, number
+
+
+@pytest.mark.parametrize("lane", [*LANES[::5], *(f"{BACKWARD}{lane}" for lane in LANES[1::5])])
+def test_whatever_is_nearest_in_a_lane_is_healthy(data: Path, lane: str) -> None:
+    """Targets come and go, and take each other's ids."""
+    made = run_windows(Run(lane, 0), data)["robust"]
+    assert not any(made["false"].values()) and made["ready"]["clearance"] > 0.6

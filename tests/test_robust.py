@@ -1021,6 +1021,51 @@ def test_another_id_of_the_same_car_lies_where_it_is_seen(car: Car) -> None:
     assert not car.faults_since(start)
 
 
+def see(car: Car, track_id: int, clearance: float, velocity: float, scans: int, **exactly: float):
+    """Some scans of a target; `exactly`: what is said of it without noise."""
+    car.track_id, car.clearance, car.velocity = track_id, clearance, velocity
+    for _ in range(scans):
+        car.drive(0.01 * SCAN, **exactly)
+
+
+@pytest.mark.parametrize("velocity", [-0.5, 0.0])
+def test_two_cars_of_the_same_speed_hold_no_relative_velocity(car: Car, velocity: float) -> None:
+    start, said = car.number, {"relative_velocity_is": velocity}
+    see(car, 1, 30.0, velocity, 3, **said)
+    see(car, 2, 60.0, velocity, 2, **said)
+    see(car, 1, 30.0 + 0.25 * velocity, velocity, 8, **said)
+    assert not car.faults_since(start)
+
+
+def test_an_id_that_is_another_cars_by_now_is_no_fault(car: Car) -> None:
+    see(car, 2, 60.0, 6.0, 20)
+    start = car.number
+    see(car, 1, 30.0, 0.0, 4)
+    see(car, 2, 95.0, 6.0, 20)
+    assert car.outcomes[-1].report.clearance.state == State.OK
+    assert not car.faults_since(start)
+
+
+def test_a_car_that_was_hardly_seen_is_not_remembered(car: Car) -> None:
+    """Its first two scans say little of its acceleration."""
+    start = car.number
+    see(car, 2, 60.0, 5.0, 1)
+    see(car, 2, 60.3, 5.7, 1)
+    see(car, 1, 30.0, 0.0, 4)
+    see(car, 2, 61.7, 5.2, 20)
+    assert car.outcomes[-1].report.relative_velocity.state == State.OK
+    assert not car.faults_since(start)
+
+
+def test_an_id_that_comes_back_soon_is_still_the_same_car(car: Car) -> None:
+    """What is off then is a fault."""
+    see(car, 2, 60.0, 0.0, 20)
+    start = car.number
+    see(car, 1, 30.0, 0.0, 2)
+    see(car, 2, 64.0, 0.0, 3)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
 def test_a_relative_velocity_that_makes_the_path_is_believed_behind_a_braking_lead(car: Car):
     """What the clearance makes of it is vague while the lead's acceleration changes."""
     car.clearance, car.track_id = 60.0, 2

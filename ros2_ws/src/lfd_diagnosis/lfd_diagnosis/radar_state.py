@@ -50,7 +50,7 @@ REMEMBERED = 32
 MEASURED = np.dtype([("new", "?"), ("at", "f8"), ("value", "f8"), ("age", "f8")], align=True)
 """One signal at a step: whether it is new, its time in s, its value and its age in s."""
 
-_SLOT = np.dtype([("id", "i8"), ("at", "f8"), ("track", LEAD_TRACK)], align=True)
+_SLOT = np.dtype([("id", "i8"), ("at", "f8"), ("scans", "i8"), ("track", LEAD_TRACK)], align=True)
 
 RADAR = np.dtype(
     [

@@ -47,6 +47,9 @@ STANDS = 0.1
 MEMORY = 0.6
 """Seconds for which a target is remembered under its track id."""
 
+KNOWN_SCANS = 5
+"""Scans after which it is known well enough to be faulty if it is seen elsewhere then."""
+
 LOST_AFTER = 1.0
 """Seconds of silence after which a target that disagrees is another one, not a fault."""
 
@@ -143,6 +146,16 @@ def _is_far_away(radar):
 
 
 @inner
+def _agrees(radar, settings):
+    """Whether what is seen lies where the track says."""
+    limits = limits_about(radar, settings)
+    off = clearance_now(radar) - radar.track.clearance
+    return abs(off) <= limits[0] and (
+        abs(radar.measured_velocity.value - radar.track.velocity) <= limits[1]
+    )
+
+
+@inner
 def _has_another_id(radar, track_id):
     """Whether the target has an id, and had another one before."""
     known = track_id != UNKNOWN_TRACK and radar.id != UNKNOWN_TRACK
@@ -213,7 +226,7 @@ def _remember(radar, at):
             radar.remembered[i - 1] = radar.remembered[i]
         kept -= 1
     slot = radar.remembered[kept]
-    slot.id, slot.at, slot.track = radar.id, at, radar.track
+    slot.id, slot.at, slot.scans, slot.track = radar.id, at, radar.scans, radar.track
     radar.remembered_count = kept + 1
 
 
@@ -224,11 +237,19 @@ def _recall(radar, settings, track_id, at):
         slot = radar.remembered[i]
         if slot.id != track_id or at - slot.at >= MEMORY:
             continue
+        since, now = at - slot.at, radar.track
         radar.track = slot.track
-        if at > slot.at:
+        if since > 0.0:
             mean, jerk = settings.lead_acceleration_mean, settings.jerk_density
-            predict_track(radar.track, at - slot.at, radar.host, 1.0, mean, jerk)
+            predict_track(radar.track, since, radar.host, 1.0, mean, jerk)
         slot.at = -np.inf
+        given_away = since > MISSED * radar.period and _is_far_away(radar)
+        vague = slot.scans < KNOWN_SCANS and not _agrees(radar, settings)
+        if given_away or vague:
+            radar.track = now
+            return False
+        radar.scans = slot.scans
+        begin_to_hold(radar)
         return True
     return False
 
@@ -240,16 +261,12 @@ def _knows(radar, settings, track_id, changed):
     faulty = is_radar_faulty(radar)
     if changed and not faulty:
         _remember(radar, clearance.at)
-    limits = limits_about(radar, settings)
     now = clearance_now(radar)
     off = now - radar.track.clearance
-    if (
-        abs(off) <= limits[0]
-        and (faulty or not is_far(off))
-        and abs(velocity.value - radar.track.velocity) <= limits[1]
-    ):
+    if _agrees(radar, settings) and (faulty or not is_far(off)):
         if changed and not faulty:
             # Another id is another part of it: that lies where it is seen.
+            radar.clearance_when_held += off
             set_clearance(radar.track, now, radar.clearance.noise.variance)
         return True
     if faulty:

@@ -1,8 +1,9 @@
 """Every track of the recorded radar as a drive of its own: many cars, real radar, one host."""
 
 import csv
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
+from math import nan
 from pathlib import Path
 
 from lfd_mpc.errors import UserError
@@ -19,6 +20,17 @@ TRACK_ID = "id "
 TRACK_IDS = tuple(range(528, 542))
 """Those ids."""
 
+LANE = "lane "
+"""The nearest target in a lane, and nothing where there is none: where its middle lies to the right
+in m, and how far from there to either side, follow."""
+
+LANES = tuple(
+    f"{LANE}{middle} {half}"
+    for middle in (-7.0, -5.4, -3.6, -1.8, 1.8, 3.6, 5.4, 7.0)
+    for half in (1.0, 1.8, 3.0)
+)
+"""Lanes beside the own one, and wider and narrower ones."""
+
 BACKWARD = "backward "
 """A recorded drive played from its end to its beginning; its name follows."""
 
@@ -30,20 +42,41 @@ SHORTEST, GAP, JUMP = 3.0, 0.3, 6.0
 gives its few track ids again and again."""
 
 
+@dataclass(frozen=True)
+class _Seen:
+    """One target of one scan; `lateral` in m to the right, `is_first`: the radar calls it new."""
+
+    sample: RadarSample
+    lateral: float
+    is_first: bool
+
+
+@cache
+def _all_seen(folder: Path) -> list[_Seen]:
+    """Every target of every scan."""
+    with (folder / f"{RECORDED}.radar_alltracks.csv").open() as file:
+        return [
+            _Seen(
+                RadarSample(
+                    stamp=round(float(row["t_s"]) * 1e9),
+                    has_target=True,
+                    clearance=float(row["range_m"]),
+                    relative_velocity=float(row["range_rate_mps"]),
+                    track_id=int(row["track_addr"]),
+                ),
+                float(row["lateral_m"]),
+                row["new_track"] == "1",
+            )
+            for row in csv.DictReader(file)
+        ]
+
+
 @cache
 def _scans_by_id(folder: Path) -> dict[int, list[tuple[RadarSample, bool]]]:
     """Every scan of every id, and whether the radar calls it a new target's first."""
     by_id: dict[int, list[tuple[RadarSample, bool]]] = {}
-    with (folder / f"{RECORDED}.radar_alltracks.csv").open() as file:
-        for row in csv.DictReader(file):
-            sample = RadarSample(
-                stamp=round(float(row["t_s"]) * 1e9),
-                has_target=True,
-                clearance=float(row["range_m"]),
-                relative_velocity=float(row["range_rate_mps"]),
-                track_id=int(row["track_addr"]),
-            )
-            by_id.setdefault(sample.track_id, []).append((sample, row["new_track"] == "1"))
+    for seen in _all_seen(folder):
+        by_id.setdefault(seen.sample.track_id, []).append((seen.sample, seen.is_first))
     return by_id
 
 
@@ -79,6 +112,20 @@ def track_id_drive(folder: Path, track_id: int) -> Drive:
     """A drive behind whatever the radar gives that id, one of `TRACK_IDS`."""
     scans = [sample for sample, _ in _scans_by_id(folder)[track_id]]
     return _followed(f"{TRACK_ID}{track_id}", folder, scans)
+
+
+def lane_drive(folder: Path, name: str) -> Drive:
+    """A drive behind whatever is nearest in a lane, one of `LANES`."""
+    middle, half = map(float, name.removeprefix(LANE).split())
+    nearest: dict[int, RadarSample] = {}
+    for seen in _all_seen(folder):
+        sample = seen.sample
+        nothing = RadarSample(sample.stamp, False, nan, nan)
+        best = nearest.setdefault(sample.stamp, nothing)
+        inside = abs(seen.lateral - middle) < half
+        if inside and not best.clearance <= sample.clearance:
+            nearest[sample.stamp] = sample
+    return _followed(name, folder, list(nearest.values()))
 
 
 def _followed(name: str, folder: Path, track: list[RadarSample]) -> Drive:

@@ -6,7 +6,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from lfd_replay.evaluation.recorded_tracks import COUNT, TRACK, TRACK_ID, TRACK_IDS
+from lfd_replay.evaluation.recorded_tracks import (
+    BACKWARD,
+    COUNT,
+    LANES,
+    TRACK,
+    TRACK_ID,
+    TRACK_IDS,
+)
 from lfd_replay.evaluation.requirements import judge as judges
 from lfd_replay.evaluation.requirements import plan
 from lfd_replay.evaluation.requirements.judge import Finding, Judge, kinds_confusion
@@ -174,6 +181,8 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
         add("every track of the recorded radar", tracks, judges.judge_healthy)
         ids = [Run(f"{TRACK_ID}{number}", 0) for number in TRACK_IDS]
         add("every id of the recorded radar", ids, partial(judges.judge_healthy, ready=0.8))
+        lanes = [Run(f"{way}{lane}", 0) for lane in LANES for way in ("", BACKWARD)]
+        add("nearest in other lanes", lanes, partial(judges.judge_healthy, ready=0.6))
         add("nearest in path", [Run(NEAREST, 0)], partial(judges.judge_healthy, ready=0.8))
         for name, values in plan.COMBINATIONS.items():
             add(

@@ -14,9 +14,11 @@ from lfd_replay.evaluation.cases import RECORDED, load_drive
 from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS, recorded_sensors_drive
 from lfd_replay.evaluation.recorded_tracks import (
     BACKWARD,
+    LANES,
     TRACK,
     TRACK_ID,
     backward,
+    lane_drive,
     track_drive,
     track_id_drive,
 )
@@ -89,6 +91,8 @@ def load(run: Run, recorded: Path | None) -> Drive:
         return track_drive(recorded, int(run.drive.removeprefix(TRACK)))
     if run.drive.startswith(TRACK_ID) and recorded is not None:
         return track_id_drive(recorded, int(run.drive.removeprefix(TRACK_ID)))
+    if run.drive in LANES and recorded is not None:
+        return lane_drive(recorded, run.drive)
     if run.drive == RECORDED:
         return load_drive(RECORDED, recorded)
     if run.sensor == RECORDED_SENSORS and recorded is not None:
