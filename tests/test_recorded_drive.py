@@ -259,4 +259,4 @@ def test_the_recorded_car_is_healthy_with_other_sensors_too(data: Path, view: st
 def test_whatever_is_nearest_in_a_lane_is_healthy(data: Path, lane: str) -> None:
     """Targets come and go, and take each other's ids."""
     made = run_windows(Run(lane, 0), data)["robust"]
-    assert not any(made["false"].values()) and made["ready"]["clearance"] > 0.6
+    assert not any(made["false"].values()) and made["ready"]["clearance"] > 0.5

@@ -182,7 +182,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
         ids = [Run(f"{TRACK_ID}{number}", 0) for number in TRACK_IDS]
         add("every id of the recorded radar", ids, partial(judges.judge_healthy, ready=0.8))
         lanes = [Run(f"{way}{lane}", 0) for lane in LANES for way in ("", BACKWARD)]
-        add("nearest in other lanes", lanes, partial(judges.judge_healthy, ready=0.6))
+        add("nearest in other lanes", lanes, partial(judges.judge_healthy, ready=0.5))
         add("nearest in path", [Run(NEAREST, 0)], partial(judges.judge_healthy, ready=0.8))
         for name, values in plan.COMBINATIONS.items():
             add(
