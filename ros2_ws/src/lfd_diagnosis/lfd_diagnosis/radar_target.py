@@ -237,7 +237,7 @@ def _recall(radar, settings, track_id, at):
         slot = radar.remembered[i]
         if slot.id != track_id or at - slot.at >= MEMORY:
             continue
-        since, now = at - slot.at, radar.track
+        since = at - slot.at
         radar.track = slot.track
         if since > 0.0:
             mean, jerk = settings.lead_acceleration_mean, settings.jerk_density
@@ -246,7 +246,6 @@ def _recall(radar, settings, track_id, at):
         given_away = since > MISSED * radar.period and _is_far_away(radar)
         vague = slot.scans < KNOWN_SCANS and not _agrees(radar, settings)
         if given_away or vague:
-            radar.track = now
             return False
         radar.scans = slot.scans
         begin_to_hold(radar)
