@@ -156,6 +156,12 @@ def _change(monitor):
 
 
 @inner
+def mean_of_swings(monitor):
+    """The mean of the last samples that a bump's swings do not change (m/s^2)."""
+    return mean_of(monitor.samples, SAMPLES - SWINGS, SAMPLES)
+
+
+@inner
 def _jump_limit(monitor, settings):
     """What no car changes its acceleration by at once, nor this sensor's noise (m/s^2)."""
     # On a bad road, or over a kerb, even the mean of some samples jumps.
@@ -179,9 +185,8 @@ def _against_observers(monitor, settings):
         _take_if_worse(monitor.check, Ground.OBSERVERS, jump, limit)
         return
     monitor.jumped_for -= 1
-    # A jump that the observers answer with the opposite one is the car's own; a bump's swings are
-    # none, in a longer mean.
-    jumped = mean_of(samples, SAMPLES - SWINGS, SAMPLES) - monitor.before
+    # A jump that the observers answer with the opposite one is the car's own.
+    jumped = mean_of_swings(monitor) - monitor.before
     answered = monitor.relative_now - monitor.relative
     residual = jumped + (answered if answered * monitor.jump_sign < 0.0 else 0.0)
     if residual * monitor.jump_sign < 0.0:

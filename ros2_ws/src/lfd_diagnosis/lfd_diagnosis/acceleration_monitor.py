@@ -9,6 +9,7 @@ from lfd_diagnosis.acceleration_against_lead import (
     LEAD_MEMORY,
     against_lead,
     follow_lead,
+    mean_of_swings,
 )
 from lfd_diagnosis.acceleration_against_speed import (
     against_speed,
@@ -263,10 +264,10 @@ def _seems_rough(monitor, usable):
 @inner
 def _newest_disagrees(monitor):
     """Whether the newest sample does so itself, not only what was made of those before."""
-    check, samples = monitor.check, monitor.samples
+    check = monitor.check
     smooth = monitor.filtered
     if check.ground == Ground.OBSERVERS:
-        smooth = mean_of(samples, 0, samples.count)
+        smooth = mean_of_swings(monitor)
     newest = check.residual + newest_sample(monitor) - smooth
     return newest * check.residual > 0.0 and abs(newest) > DISAGREES * check.limit
 

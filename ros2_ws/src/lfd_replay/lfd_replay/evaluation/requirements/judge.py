@@ -301,11 +301,6 @@ def judge_healthy(judge: Judge, ready: float = 0.95) -> None:
     judge.is_ready(ready)
 
 
-def judge_views(judge: Judge) -> None:
-    """Silent, whatever the sensors; without host speed it takes a lead to be ready."""
-    judge.no_false_events()
-
-
 def judge_found_in_views(judge: Judge) -> None:
     """Every faulty signal found and no other one; how soon depends on how often sensors speak."""
     for signal in judge.signals():
