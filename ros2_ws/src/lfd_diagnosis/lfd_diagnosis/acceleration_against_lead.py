@@ -55,6 +55,10 @@ SWINGS = 16
 JUMP_MEMORY = 25
 """Steps after a jump in which it is held against the observers."""
 
+BRAKED, RELEASED, ANSWER = 1.5, 1.0, 50
+"""m/s^2 of braking that ends at once where a car comes to rest, m/s^2 up to which what is felt
+afterwards is its end, and steps after which radar and observers have surely answered it."""
+
 OWN_SHARE = 0.7
 """Share of its difference from the lead's word that the accelerometer must have made itself."""
 
@@ -62,6 +66,21 @@ LEAD_MEMORY = 2.0
 """Seconds over which the lead's acceleration is known when it is not measured."""
 
 RELATIVE_SHARE = share_of(SMOOTH)
+
+AT_REST = 0.3
+"""m/s of relative velocity up to which the lead may as well rest with the car."""
+
+
+@inner
+def is_resting(relative_velocity):
+    """Whether the lead may rest with the car; not where it is not known."""
+    return abs(relative_velocity) < AT_REST
+
+
+@inner
+def is_nearing(relative_velocity):
+    """Whether the car surely moves, whatever it says itself."""
+    return relative_velocity < -AT_REST
 
 
 @inner
@@ -99,7 +118,7 @@ def follow_lead(monitor, relative_acceleration):
 
 
 @inner
-def against_lead(monitor, settings, lead_report):
+def against_lead(monitor, settings, relative_velocity, lead_report):
     """Without the host's speed: against its own past, the observers and the lead's word."""
     check = monitor.check
     if monitor.faulty:
@@ -112,7 +131,7 @@ def against_lead(monitor, settings, lead_report):
         _against_report(monitor, settings, lead_report)
     # A car that has braked to rest jerks back as it does at no other time.
     if settings.use_observers and not came_to_rest(monitor.speed):
-        _against_observers(monitor, settings)
+        _against_observers(monitor, settings, relative_velocity)
 
 
 @inner
@@ -151,8 +170,13 @@ def _against_report(monitor, settings, lead_report):
 @inner
 def _change(monitor):
     """By how much the mean of the last samples differs from that just before (m/s^2)."""
-    samples = monitor.samples
-    return mean_of(samples, SAMPLES - SHARP, SAMPLES) - mean_of(samples, 0, SHARP)
+    return newest_mean(monitor) - mean_of(monitor.samples, 0, SHARP)
+
+
+@inner
+def newest_mean(monitor):
+    """The mean of the last samples (m/s^2)."""
+    return mean_of(monitor.samples, SAMPLES - SHARP, SAMPLES)
 
 
 @inner
@@ -172,7 +196,14 @@ def _jump_limit(monitor, settings):
 
 
 @inner
-def _against_observers(monitor, settings):
+def ends_braking(monitor):
+    """Whether what jumped was braking that ends, as far as it is seen."""
+    ended = newest_mean(monitor) < RELEASED
+    return monitor.jump_sign > 0.0 and monitor.before < -BRAKED and ended
+
+
+@inner
+def _against_observers(monitor, settings, relative_velocity):
     samples = monitor.samples
     jump = _change(monitor) if is_full(samples) else 0.0
     limit = _jump_limit(monitor, settings)
@@ -181,10 +212,17 @@ def _against_observers(monitor, settings):
             monitor.lead_reference = mean_of(monitor.lead_recent, 0, 2 * BASELINE_DELAY // 3)
             monitor.before = mean_of(samples, 0, SHARP)
         monitor.jumped_for, monitor.jump_sign = JUMP_MEMORY, 1.0 if jump > 0 else -1.0
+        if ends_braking(monitor):
+            monitor.jumped_for += ANSWER
     if not monitor.jumped_for:
         _take_if_worse(monitor.check, Ground.OBSERVERS, jump, limit)
         return
     monitor.jumped_for -= 1
+    told = monitor.jumped_for < JUMP_MEMORY and is_nearing(relative_velocity)
+    if ends_braking(monitor) and not told:
+        # A car that comes to rest jerks back: it takes the radar a moment to see it stand.
+        monitor.confidence = 0
+        return
     # A jump that the observers answer with the opposite one is the car's own.
     jumped = mean_of_swings(monitor) - monitor.before
     answered = monitor.relative_now - monitor.relative

@@ -39,6 +39,7 @@ from lfd_diagnosis.host_speed import (
     is_standing,
     jerk_between,
     jerk_of,
+    seldom_heard,
     speed_seems_held,
 )
 from lfd_diagnosis.verdict import Kind
@@ -120,7 +121,7 @@ def against_speed(monitor, settings):
     if isnan(monitor.baseline):
         monitor.baseline = monitor.slope if monitor.slope_known > 0.0 else off
     learning = 1.0 + 2.0 * max(0.0, 1.0 - monitor.slope_known / WARM_UP)
-    allowance = _allowance(monitor, settings)
+    allowance = allowance_of(monitor, settings)
     sigma = settings.acceleration_sigma
     step, slow = off - monitor.baseline, off - monitor.slope
     step_limit = max(settings.acceleration_step_limit, sigma * deviation(monitor.step_noise))
@@ -190,17 +191,19 @@ def _shaken_by(monitor, settings):
 
 
 @inner
-def _allowance(monitor, settings):
+def allowance_of(monitor, settings):
     """By how many m/s^2 a jerk or a shaking widens the limits."""
     jerk = max(abs(jerk_of(monitor.speed)), monitor.speed.largest_jerk - SHARP_JERK)
-    allowance = settings.jerk_allowance * jerk + _shaken_by(monitor, settings)
+    seldom = seldom_heard(monitor.speed)
+    allowance = (settings.jerk_allowance + seldom) * jerk + _shaken_by(monitor, settings)
     # A sharp manoeuvre shows every lag that is not known; the accelerometer feels it first.
     doubt = LAG_DOUBT * (LAG_PRIOR + LITTLE_JERK) / (monitor.lag_square + LITTLE_JERK)
     allowance += doubt * max(jerk - CALM_JERK, 0.0)
     if not monitor.leapt_for:
         lag = settings.jerk_allowance + doubt
         own = jerk_between(monitor.filtered, monitor.slow_filtered)
-        allowance += min(lag * max(abs(own) - CALM_JERK, 0.0), LAG_MOST)
+        ahead = min(lag * max(abs(own) - CALM_JERK, 0.0), LAG_MOST)
+        allowance += max(ahead, seldom * abs(own))
     return min(allowance, MOST_ALLOWANCE)
 
 
@@ -301,7 +304,7 @@ def _follow_slope(monitor, settings, off):
     jumped = is_measured(monitor.jump) and not monitor.settling
     still = jumped and not is_frozen(monitor.repetition, True) and not is_rough(monitor.roughness)
     change = off - monitor.size - monitor.reference
-    limit = settings.acceleration_step_limit + _allowance(monitor, settings)
+    limit = settings.acceleration_step_limit + allowance_of(monitor, settings)
     newest = newest_sample(monitor) - monitor.size - monitor.acceleration - monitor.reference
     there = abs(newest) < THERE * abs(monitor.size)
     steady = still and abs(change) < limit

@@ -8,11 +8,16 @@ from lfd_diagnosis.acceleration_against_lead import (
     BLIND_STD,
     LEAD_MEMORY,
     against_lead,
+    ends_braking,
     follow_lead,
+    is_nearing,
+    is_resting,
     mean_of_swings,
+    newest_mean,
 )
 from lfd_diagnosis.acceleration_against_speed import (
     against_speed,
+    allowance_of,
     doubt_slope,
     speed_may_be_wrong,
 )
@@ -35,6 +40,7 @@ from lfd_diagnosis.healthy_signal import (
     excuse_repetition,
     filter_share,
     is_frozen,
+    is_full,
     is_new,
     is_rough,
     mean_of,
@@ -49,6 +55,7 @@ from lfd_diagnosis.host_speed import (
     ROUGH_TIME,
     ROUGH_TIME_ALONE,
     SLOW,
+    came_to_rest,
     follow_speed,
     is_standing,
     is_usable,
@@ -83,9 +90,6 @@ HELD_CHANGE, HELD_STEPS = 0.2, 2.5
 """m/s^2, and steps of its resolution, by which the speed's derivative must change while the
 accelerometer repeats itself."""
 
-AT_REST = 0.3
-"""m/s of relative velocity up to which the lead may as well rest with the car."""
-
 SECOND_DIFFERENCES = 6.0
 """How much larger than the variance of a white noise that of its second differences is."""
 
@@ -112,8 +116,12 @@ def follow_acceleration(monitor, settings, horizon):
     if is_usable(speed, settings):
         monitor.acceleration = speed.derivative
     elif usable and not monitor.faulty:
-        # While a jump is being looked into, what was before it.
-        if not monitor.jumped_for:
+        ended = came_to_rest(speed) or (monitor.jumped_for and ends_braking(monitor))
+        if ended and is_full(monitor.samples):
+            # Nothing ends as suddenly as that: a filter would brake on.
+            monitor.acceleration = newest_mean(monitor) - monitor.slope
+        elif not monitor.jumped_for:
+            # While a jump is being looked into, what was before it.
             monitor.acceleration = at(monitor.before_jump, 0)
     else:
         monitor.acceleration *= LEAD_KEEP
@@ -198,7 +206,7 @@ def judge_acceleration(
         restart_jump(monitor.jump)
         return
     monitor.ticks += 1
-    rests = abs(relative_velocity) < AT_REST
+    rests = is_resting(relative_velocity)
     monitor.lead_rests_for = monitor.lead_rests_for + STEP_S if rests else 0.0
     follow_lead(monitor, relative_acceleration)
     usable = is_usable(speed, settings)
@@ -209,11 +217,10 @@ def judge_acceleration(
         restart_jump(monitor.jump)
         if not monitor.faulty:
             doubt_slope(monitor)
-        against_lead(monitor, settings, lead_report)
+        against_lead(monitor, settings, relative_velocity, lead_report)
     exceeded = is_exceeded(check)
     _count(monitor, settings, exceeded)
-    change = max(HELD_CHANGE, HELD_STEPS * resolution_of(monitor.roughness))
-    should_change = not usable or abs(speed.derivative - monitor.derivative_when_held) > change
+    should_change = _should_have_changed(monitor, settings, usable, relative_velocity)
     if monitor.fresh:
         note_change(monitor.repetition, should_change)
     frozen = (
@@ -245,6 +252,18 @@ def judge_acceleration(
         and not (check.ground == Ground.HOST_SPEED and speed_may_be_wrong(monitor, settings))
     ):
         _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
+
+
+@inner
+def _should_have_changed(monitor, settings, usable, relative_velocity):
+    """Whether an accelerometer that repeats itself had reason to change."""
+    speed = monitor.speed
+    if not usable:
+        # Nothing tells a car that stands but that it nears its lead.
+        return isnan(speed.last) and is_nearing(relative_velocity)
+    change = max(HELD_CHANGE, HELD_STEPS * resolution_of(monitor.roughness))
+    change += allowance_of(monitor, settings)
+    return abs(speed.derivative - monitor.derivative_when_held) > change
 
 
 @inner

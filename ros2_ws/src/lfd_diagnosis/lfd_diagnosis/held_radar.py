@@ -18,7 +18,7 @@ from lfd_mpc.compiled import inner
 
 HELD_PATH, HELD_SIGMA, HELD_STEPS = 0.45, 4.0, 3.0
 """What must have been travelled while the clearance repeats itself: m, deviations of its noise, and
-steps of its resolution."""
+steps of its resolution beside what it wanders by."""
 
 HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 0.4, 3.0
 """What tells that a relative velocity which repeats itself should have changed: m/s, and steps of
@@ -145,7 +145,7 @@ def should_have_changed(radar, settings, signal, of_clearance):
         return abs(radar.travelled_while_held) > max(
             HELD_PATH,
             HELD_SIGMA * deviation(clearance.noise),
-            HELD_STEPS * clearance.roughness.resolution,
+            HELD_STEPS * clearance.roughness.resolution + sqrt(wander_of(radar, settings)),
         )
     step, held_for = resolution_of(signal.roughness), signal.last_at - radar.held_since
     known_for = max(radar.held_since - radar.begun_at, 0.0)

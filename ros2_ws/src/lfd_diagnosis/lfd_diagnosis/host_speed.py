@@ -65,6 +65,18 @@ POSSIBLE_ACCELERATION = 15.0
 JERK_FILTER = 0.15
 """Time constant in s of the filter whose derivative is the jerk."""
 
+OFTEN = 0.02
+"""Seconds between two samples of a speed that is known all the time."""
+
+MOVED_STEPS, LONGEST_REFRESH, REFRESH_SHARE = 2.5, 0.3, 0.2
+"""Steps of its resolution by which a new value differs if it was not rounding that kept the one
+before, the longest time in s for which a sensor says everything again, and the share by which a new
+time is learnt."""
+
+REPEATING, UNEVEN = 1.5, 1.2
+"""How many times longer than a sample that time is for a sensor that repeats itself, and how many
+of it an equal sample is the same one again."""
+
 ROUGH_TIME, ROUGH_TIME_ALONE = 0.3, 1.5
 """Seconds of roughness that make a fault, and where nothing tells a bad road from a bad sensor."""
 
@@ -91,6 +103,8 @@ HOST_SPEED = np.dtype(
         ("last", "f8"),
         ("last_at", "f8"),
         ("seen_at", "f8"),
+        ("changed_at", "f8"),
+        ("refresh", "f8"),
         ("doubt", "f8"),
         ("outliers", "i8"),
         ("rough_for", "f8"),
@@ -112,7 +126,8 @@ HOST_SPEED = np.dtype(
 
 `same`: samples in a row that are equal, those of a car that seems to stand, too. `doubt` (m/s) is
 what the newest one, seen at `seen_at`, jumps by alone so far, NaN if it does not; `last` is of
-`last_at`, before it.
+`last_at`, before it. `refresh` (s): how long the sensor, or a table it was put into, says each
+value again and again; it changed at `changed_at`.
 """
 
 
@@ -122,7 +137,7 @@ def start_speed(speed, learn):
     start_noise(speed.noise, 0.03, 0.003, 1.0, learn, 400)
     start_roughness(speed.roughness, 32)
     start_repetition(speed.repetition, 10)
-    speed.outliers = 0
+    speed.outliers, speed.refresh = 0, 0.0
     restart_speed(speed)
 
 
@@ -146,7 +161,7 @@ def _believe(speed):
 def lose_speed(speed):
     """No sample, or none that is new enough."""
     speed.last, speed.last_at = np.nan, -np.inf
-    speed.seen_at, speed.doubt = -np.inf, np.nan
+    speed.seen_at, speed.changed_at, speed.doubt = -np.inf, -np.inf, np.nan
     speed.rough_for, speed.same = 0.0, 0
     _stop_following(speed)
 
@@ -178,15 +193,20 @@ def is_standing(speed):
 
 
 @inner
+def seldom_heard(speed):
+    """Seconds for which nothing is heard of it, beyond what its filter is made for."""
+    return max(max(speed.refresh, speed.roughness.period) - OFTEN, 0.0)
+
+
+@inner
 def _is_held(speed):
     """Whether it stays the same though the car moves, and had reason to change."""
     slow = abs(speed.last) <= SLOW
+    missed = max(MISSED, MISSED_STEPS * resolution_of(speed.roughness))
     if slow:
-        changed = not is_standing(speed) and abs(speed.missed) > MISSED_SLOW
-    else:
-        missed = max(MISSED, MISSED_STEPS * resolution_of(speed.roughness))
-        missed += SLOPE_DOUBT * max(speed.held_for - 1.0, 0.0)
-        changed = abs(speed.missed) > missed
+        missed = MISSED_SLOW
+    missed += SLOPE_DOUBT * max(speed.held_for - 1.0, 0.0)
+    changed = abs(speed.missed) > missed and not is_standing(speed)
     note_change(speed.repetition, changed)
     return (changed or not slow) and is_frozen(speed.repetition, changed)
 
@@ -211,8 +231,10 @@ def _starts_or_stops(speed, value):
 @inner
 def _rests_with_a_jerk(speed, value):
     """Whether it comes to rest out of hard braking, or has by now: it is told late."""
-    soon = value + LATENESS * speed.derivative
-    return soon < DEAD_JUMP and max(value, speed.last) < DEAD and speed.derivative < -HARD
+    seldom = seldom_heard(speed)
+    soon = value + (LATENESS + seldom) * speed.derivative
+    slow = max(value, speed.last) < DEAD - seldom * speed.derivative
+    return soon < DEAD_JUMP and slow and speed.derivative < -HARD
 
 
 @inner
@@ -234,8 +256,9 @@ def follow_speed(speed, settings, now, at, value, acceleration, shaken):
     `shaken`: the accelerometer feels a bad road.
     """
     if is_new(at, speed.seen_at):
+        again = _says_again(speed, at, value)
         speed.seen_at = at
-        if not _is_doubtful(speed, at, value, acceleration):
+        if not (again or _is_doubtful(speed, at, value, acceleration)):
             _take(speed, settings, at, value, acceleration, shaken)
     if speed.faulty:
         _stop_following(speed)
@@ -255,6 +278,13 @@ def follow_speed(speed, settings, now, at, value, acceleration, shaken):
     faded = speed.largest_jerk * (1.0 - JERK_FADES)
     speed.largest_jerk = max(faded, abs(jerk_of(speed)))
     speed.followed += STEP_S
+
+
+@inner
+def _says_again(speed, at, value):
+    """Whether it is the sample before once more, of a sensor that says everything several times."""
+    repeating = speed.refresh > REPEATING * (at - speed.seen_at)
+    return repeating and value == speed.last and at - speed.changed_at < UNEVEN * speed.refresh
 
 
 @inner
@@ -293,6 +323,7 @@ def _take(speed, settings, at, value, acceleration, shaken):
     equal = take_repetition(speed.repetition, value, healthy)
     if not equal:
         speed.derivative_when_held = speed.derivative
+        _learn_refresh(speed, at, value)
     period = min(at - speed.last_at, 1.0)
     speed.missed = speed.missed + acceleration * period if equal else 0.0
     speed.held_for = speed.held_for + period if equal else 0.0
@@ -338,6 +369,16 @@ def _take(speed, settings, at, value, acceleration, shaken):
     if speed.faulty and speed.quiet >= needed:
         _believe(speed)
         speed.off = 0.0
+
+
+@inner
+def _learn_refresh(speed, at, value):
+    """From a value that differs from the last one by more than rounding."""
+    since = at - speed.changed_at
+    speed.changed_at = at
+    moved = abs(value - speed.last) > MOVED_STEPS * resolution_of(speed.roughness)
+    if moved and since < LONGEST_REFRESH:
+        speed.refresh += REFRESH_SHARE * (since - speed.refresh)
 
 
 @inner
