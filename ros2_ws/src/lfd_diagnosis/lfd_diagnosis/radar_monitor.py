@@ -73,6 +73,7 @@ from lfd_diagnosis.radar_target import (
     is_another,
     is_another_in_part,
     is_settling,
+    keeps_target,
 )
 from lfd_diagnosis.travelled_path import (
     LARGEST_GAP,
@@ -145,7 +146,7 @@ def follow_radar(
     """
     now = horizon.stamp * 1e-9
     radar.host_speed, radar.host_moves = host_speed, host_moves
-    if not horizon.has_target:
+    if not horizon.has_target and not keeps_target(radar, settings, now):
         if radar.has_track:
             change_target(radar, now)
         start_target(radar, settings)
@@ -153,6 +154,9 @@ def follow_radar(
     if radar.has_track:
         _predict(radar, settings, host_acceleration, lead_acceleration)
     radar.host = host_acceleration
+    if not horizon.has_target:
+        radar.unseen = True
+        return
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
     _measure(
         clearance,

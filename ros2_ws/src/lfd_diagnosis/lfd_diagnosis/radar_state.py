@@ -65,6 +65,7 @@ RADAR = np.dtype(
         ("before_at", "f8"),
         ("has_track", "?"),
         ("scans", "i8"),
+        ("unseen", "?"),
         ("begun_at", "f8"),
         ("period", "f8"),
         ("id", "i8"),
@@ -132,6 +133,7 @@ def start_target(radar, settings):
     radar.has_track = False
     radar.before_at = -np.inf
     radar.scans = 0
+    radar.unseen = False
     radar.id = UNKNOWN_TRACK
     radar.remembered_count = 0
     radar.slow_acceleration = radar.slower_acceleration = settings.lead_acceleration_mean

@@ -45,13 +45,21 @@ STANDS = 0.1
 """Share of the host's speed by which a relative velocity is off from that of what stands."""
 
 MEMORY = 0.6
-"""Seconds for which a target is remembered under its track id."""
+"""Seconds for which a target is remembered that is not seen, or under another track id."""
 
 KNOWN_SCANS = 5
 """Scans after which it is known well enough to be faulty if it is seen elsewhere then."""
 
 LOST_AFTER = 1.0
 """Seconds of silence after which a target that disagrees is another one, not a fault."""
+
+
+@inner
+def keeps_target(radar, settings, now):
+    """Whether a target that the radar says it does not see may be seen again: one lost scan is no
+    other car."""
+    last_at = max(radar.clearance.last_at, radar.velocity.last_at)
+    return settings.same_car and radar.has_track and now - last_at < MEMORY
 
 
 @inner
@@ -171,11 +179,16 @@ def is_another(radar, settings, track_id):
     _follow_period(radar, gap)
     silent = gap > LOST_AFTER or (has_missed and _is_far_away(radar))
     changed = _has_another_id(radar, track_id)
-    if not changed and not silent:
-        if at - radar.clearance.last_at > LARGEST_GAP:
-            _regain(radar, settings)
+    if not changed and not silent and at - radar.clearance.last_at > LARGEST_GAP:
+        _regain(radar, settings)
+    # What was not seen for a moment and has no id may be another car.
+    unseen = radar.unseen and track_id == UNKNOWN_TRACK
+    radar.unseen = False
+    if not (changed or silent or unseen):
         return False
     if settings.same_car and _knows(radar, settings, track_id, changed):
+        if not changed and not silent:
+            return False
         if is_radar_faulty(radar) and radar.path.count:
             # What agrees since goes on, but for the step.
             _skip_step(radar)
@@ -198,7 +211,8 @@ def is_another_in_part(radar, settings, track_id):
         signal, measured, limit = radar.velocity, velocity, limits[1]
         off = velocity.value - velocity_then(track, velocity.age, relative)
     last_at = max(radar.clearance.last_at, radar.velocity.last_at)
-    if not _has_another_id(radar, track_id) and measured.at - last_at <= LOST_AFTER:
+    gone = radar.unseen or measured.at - last_at > LOST_AFTER
+    if not (gone or _has_another_id(radar, track_id)):
         return False
     # What is faulty and goes on as it was is of the same car.
     return abs(off) > limit and abs(measured.value - signal.last) > signal.floor

@@ -164,7 +164,8 @@ def robust_step(state, settings, horizon, relative_acceleration, outcome):
     speed = acceleration.speed.last if is_usable(acceleration.speed, settings) else np.nan
     follow_radar(radar, settings, horizon, acceleration.acceleration, told, speed, moves)
     # What the observers make of a radar that is not to be believed is not to be believed either.
-    believed = is_ready(radar) and not is_radar_faulty(radar)
+    seen = horizon.has_target and is_ready(radar)
+    believed = seen and not is_radar_faulty(radar)
     relative = relative_acceleration if believed else np.nan
     velocity = radar.track.velocity if believed else np.nan
     judge_acceleration(acceleration, settings, horizon, relative, velocity, lead)
@@ -175,7 +176,7 @@ def robust_step(state, settings, horizon, relative_acceleration, outcome):
     _judge_acceleration(state, settings, horizon, outcome)
     _judge_host_speed(state, settings, horizon, outcome)
     _judge_lead(state, settings, horizon, outcome)
-    _reconstruct(state, settings, relative, outcome)
+    _reconstruct(state, settings, seen, relative, outcome)
     enter_outcome(state.book, outcome)
 
 
@@ -312,11 +313,11 @@ def _judge_lead(state, settings, horizon, outcome):
 
 
 @inner
-def _reconstruct(state, settings, relative, outcome):
-    """Each signal from everything but a faulty one."""
+def _reconstruct(state, settings, seen, relative, outcome):
+    """Each signal from everything but a faulty one; of a lead that is not `seen` nothing is."""
     radar, acceleration = state.radar, state.acceleration
     made, evidence = outcome.reconstructed, outcome.evidence
-    tracked = is_ready(radar) and not radar.lost
+    tracked = seen and not radar.lost
     clearance_std, velocity_std = radar_deviations(radar)
     evidence.has_track = tracked
     evidence.clearance_std, evidence.relative_velocity_std = clearance_std, velocity_std
