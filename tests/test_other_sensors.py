@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from lfd_diagnosis.verdict import Event, Kind, State
+from lfd_diagnosis.verdict import Event, Kind, Outcome, State
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, Sample
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.generated.generate import drive_truth, generate_drive
@@ -86,15 +86,14 @@ def glitching(samples: Sequence[Sample], name: str, field: str, off: float) -> l
     return made
 
 
-def faults(samples: Sequence[Sample]) -> list[Event]:
+def outcomes_of(samples: Sequence[Sample]) -> list[Outcome]:
     graph = OfflineGraph(graph_settings("robust"))
-    return [
-        event
-        for rows in graph.rows(samples)
-        for outcome in graph.outcomes(rows)
-        for event in outcome.events
-        if event.fault.state == State.FAULT
-    ]
+    return [outcome for rows in graph.rows(samples) for outcome in graph.outcomes(rows)]
+
+
+def faults(samples: Sequence[Sample]) -> list[Event]:
+    events = [event for outcome in outcomes_of(samples) for event in outcome.events]
+    return [event for event in events if event.fault.state == State.FAULT]
 
 
 @cache
@@ -135,10 +134,79 @@ def test_a_slow_sensor_is_healthy(name: str, of: str, period: float) -> None:
     assert faults(thinned(drive(name), of, period)) == []
 
 
+def said_twice(samples: Sequence[Sample], name: str, period: float) -> list[Sample]:
+    """One input of which every value is said again half a `period` (s) later, as in a table."""
+    seldom = [s for s in thinned(samples, name, period) if s.input == name]
+    again = [replace(s, stamp=s.stamp + round(0.5e9 * period)) for s in seldom]
+    others = [s for s in samples if s.input != name]
+    return sorted([*others, *seldom, *again], key=lambda s: s.stamp)
+
+
+@pytest.mark.parametrize("name", ["braking", "stop-and-go"])
+@pytest.mark.parametrize("period", [0.04, 0.1, 0.2])
+def test_a_speed_that_is_said_twice_is_healthy(name: str, period: float) -> None:
+    assert faults(said_twice(drive(name), HOST_SPEED, period)) == []
+
+
+def test_a_speed_that_is_said_twice_is_told_when_it_is_held() -> None:
+    samples = said_twice(drive("braking"), HOST_SPEED, 0.1)
+    samples = FaultInjector(parse_faults(["hold:host_speed@20.5-24"]), 0, 1).apply(samples)
+    assert {event.signal for event in faults(samples)} == {"host_speed"}
+
+
+@pytest.mark.parametrize("lateness", [0.05, 0.1])
+@pytest.mark.parametrize("step", [0.01, 0.2778])
+def test_a_speed_that_comes_seldom_and_late_is_healthy(lateness: float, step: float) -> None:
+    samples = thinned(drive("braking"), HOST_SPEED, 0.1)
+    samples = changed(changed(samples, HOST_SPEED, late(lateness)), HOST_SPEED, coarse(step))
+    assert faults(samples) == []
+
+
 @pytest.mark.parametrize("share", [0.1, 0.3])
 @pytest.mark.parametrize("name", ["cut-in", "hill"])
 def test_a_radar_that_loses_scans_is_healthy(name: str, share: float) -> None:
     assert faults(losing(drive(name), RADAR, share)) == []
+
+
+def not_seeing(samples: Sequence[Sample], share: float) -> list[Sample]:
+    """A radar that says now and then, for a scan, that there is no lead."""
+    random, nothing = Random(7), float("nan")
+    unseen = {"has_target": False, "clearance": nothing, "relative_velocity": nothing}
+    return [
+        replace(s, track_id=-1, **unseen) if s.input == RADAR and random.random() < share else s
+        for s in samples
+    ]
+
+
+@pytest.mark.parametrize("share", [0.03, 0.3])
+def test_a_lead_that_is_lost_for_a_scan_is_the_same_one(share: float) -> None:
+    """What is faulty about it is over with the fault, and then it is judged at once."""
+    made = generate_drive("hill", 1, "esr")
+    faulty = parse_faults(["offset:clearance=4,relative_velocity=-10@30-34"])
+    samples = FaultInjector(faulty, made.zero, 1).apply(not_seeing(made.samples, share))
+    outcomes = outcomes_of(samples)
+    flagged = [o.report.stamp for o in outcomes if o.report.radar.state == State.FAULT]
+    assert 30.0 < (flagged[0] - made.zero) * 1e-9 < 30.5
+    assert 33.8 < (flagged[-1] - made.zero) * 1e-9 < 35.5
+    after = [o.report.clearance.state for o in outcomes if o.report.stamp > made.zero + 36e9]
+    assert set(after) <= {State.OK, State.SUSPECT, State.NO_TARGET}
+    assert np.mean([state == State.OK for state in after]) > 0.95 - share
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_lead_that_is_lost_and_another_one_is_seen_is_no_fault(known: bool) -> None:
+    """`known`: whether targets have ids."""
+    made = generate_drive("hill", 1, "esr")
+    nothing = float("nan")
+    samples = []
+    for s in made.samples:
+        now = (s.stamp - made.zero) * 1e-9
+        if s.input == RADAR and 30.0 <= now < 30.3:
+            s = replace(s, has_target=False, clearance=nothing, relative_velocity=nothing)
+        elif s.input == RADAR and now >= 30.3:
+            s = replace(s, clearance=s.clearance + 5.0, track_id=s.track_id + 1)
+        samples.append(s if known or s.input != RADAR else replace(s, track_id=-1))
+    assert faults(samples) == []
 
 
 @pytest.mark.parametrize("name", ["bumps", "braking"])
@@ -166,6 +234,34 @@ def shaken(samples: Sequence[Sample]) -> list[Sample]:
         else s
         for s in samples
     ]
+
+
+def without_speed(samples: Sequence[Sample]) -> list[Sample]:
+    return [s for s in samples if s.input != HOST_SPEED]
+
+
+@pytest.mark.parametrize("name", ["traffic-09", "traffic-16", "traffic-61"])
+def test_a_car_that_comes_to_rest_blames_nobody_without_its_speed(name: str) -> None:
+    """It jerks back, and radars see it stand a moment later."""
+    samples = changed(generate_drive(name, 1, "esr").samples, RADAR, late(0.1))
+    # Brakes that come on as sharply as the simulated ones still may look like a fault.
+    assert [e for e in faults(without_speed(samples)) if not e.fault.size < 0.0] == []
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_what_an_accelerometer_repeats_in_a_car_that_stands_is_not_held(told: bool) -> None:
+    """`told`: whether the host's speed is, as far as it is above 0.6 m/s."""
+    samples = changed(standing_still(), ACCELERATION, coarse(0.1))
+    samples = changed(samples, HOST_SPEED, dead_below(0.6))
+    assert faults(samples if told else without_speed(samples)) == []
+
+
+def test_a_held_accelerometer_is_found_without_host_speed_as_the_car_nears_its_lead() -> None:
+    samples = without_speed(drive("braking"))
+    held = FaultInjector(parse_faults(["hold:acceleration@20.5-24"]), 0, 1).apply(samples)
+    found = [event for event in faults(held) if event.signal == ACCELERATION]
+    assert found[0].fault.kind == Kind.HOLD
+    assert 20.5e9 < found[0].stamp < 21.5e9
 
 
 def derived(samples: Sequence[Sample]) -> list[Sample]:

@@ -226,7 +226,8 @@ def judge_acceleration(
     frozen = (
         settings.check_repetition
         and is_frozen(monitor.repetition, should_change)
-        and not (usable and is_standing(speed))
+        # A car that may stand repeats itself for as long as it stands.
+        and (not is_standing(speed) if usable else should_change)
     )
     rough = settings.check_roughness and _seems_rough(monitor, usable)
     held = frozen and (not monitor.faulty or _is_gauged(monitor))

@@ -120,6 +120,9 @@ def is_stuck(radar, settings, signal, of_clearance, changed):
     if not of_clearance:
         if _has_left(radar, settings) and velocity_seems_held(radar):
             return True
+        if isnan(radar.host_speed) and abs(radar.measured_velocity.value) < AT_REST:
+            # Both cars may stand.
+            return False
         if not changed and _is_followed(radar) and repeats_by_itself(signal.repetition):
             # What it repeats is still true.
             return False

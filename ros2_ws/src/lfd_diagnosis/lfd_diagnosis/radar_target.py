@@ -47,6 +47,10 @@ STANDS = 0.1
 MEMORY = 0.6
 """Seconds for which a target is remembered that is not seen, or under another track id."""
 
+FOLLOWED = 20
+"""Scans for which a healthy one must have been seen without a break to be the same one after a
+moment unseen: where targets come and go with every scan it may be any of them."""
+
 KNOWN_SCANS = 5
 """Scans after which it is known well enough to be faulty if it is seen elsewhere then."""
 
@@ -59,7 +63,8 @@ def keeps_target(radar, settings, now):
     """Whether a target that the radar says it does not see may be seen again: one lost scan is no
     other car."""
     last_at = max(radar.clearance.last_at, radar.velocity.last_at)
-    return settings.same_car and radar.has_track and now - last_at < MEMORY
+    followed = radar.in_a_row >= FOLLOWED or is_radar_faulty(radar)
+    return settings.same_car and radar.has_track and followed and now - last_at < MEMORY
 
 
 @inner
@@ -100,7 +105,7 @@ def begin_target(radar, settings, track_id):
         radar.clearance.coasted = 0.0
     radar.has_track = True
     radar.before_at = -np.inf
-    radar.id, radar.scans = track_id, 1
+    radar.id, radar.scans, radar.in_a_row = track_id, 1, 0
     radar.slow_acceleration = radar.slower_acceleration = mean
     # Nothing of another target says that this one's signals are held, or rough.
     radar.travelled_while_held = 0.0
@@ -181,9 +186,9 @@ def is_another(radar, settings, track_id):
     changed = _has_another_id(radar, track_id)
     if not changed and not silent and at - radar.clearance.last_at > LARGEST_GAP:
         _regain(radar, settings)
-    # What was not seen for a moment and has no id may be another car.
-    unseen = radar.unseen and track_id == UNKNOWN_TRACK
-    radar.unseen = False
+    # What was not seen for a moment may be another car.
+    unseen, radar.unseen = radar.unseen, False
+    radar.in_a_row = 0 if unseen else radar.in_a_row + 1
     if not (changed or silent or unseen):
         return False
     if settings.same_car and _knows(radar, settings, track_id, changed):

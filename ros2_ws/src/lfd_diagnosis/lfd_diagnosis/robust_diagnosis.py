@@ -205,7 +205,7 @@ def _judge_signal(
     size = size_std = np.nan
     if stale:
         state, kind = State.NO_DATA, _silent_kind(age)
-    elif not horizon.has_target:
+    elif not (horizon.has_target or (signal.faulty and radar.has_track)):
         state = State.NO_TARGET
     elif signal.faulty:
         state, kind, index = State.FAULT, signal.kind, index_of(signal)

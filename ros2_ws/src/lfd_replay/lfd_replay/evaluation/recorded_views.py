@@ -4,6 +4,7 @@ Its acceleration as others felt or derived it, and everything joined into one ta
 recordings are.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -60,7 +61,7 @@ def seen_by(name: str, drive: Drive, folder: Path) -> Drive:
     if view.accelerometer not in ("", DERIVED):
         samples = _with(samples, _recorded(view.accelerometer, folder))
     if view.every:
-        samples = _joined(samples, view.every)
+        samples = joined(samples, view.every)
     if view.accelerometer == DERIVED:
         samples = _with(samples, _derived(samples))
     return Drive(f"{drive.name}, {name}", samples)
@@ -87,7 +88,7 @@ def _with(samples: list[Sample], accelerations: list[Sample]) -> list[Sample]:
     return sorted([*others, *within], key=playing_order)
 
 
-def _joined(samples: list[Sample], every: int) -> list[Sample]:
+def joined(samples: Sequence[Sample], every: int) -> list[Sample]:
     """Each `every`-th scan, with the last value of everything else at its time."""
     made: list[Sample] = []
     last: dict[str, float] = {}

@@ -6,6 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from lfd_replay.evaluation.random_sensors import RANDOM_SENSORS
+from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS
 from lfd_replay.evaluation.recorded_tracks import (
     BACKWARD,
     COUNT,
@@ -111,7 +113,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
             add(f"{title}: {name}", runs, judges.judge_found_in_views)
         title = "recorded sensors on generated leads"
         add(f"{title}: healthy", plan.recorded_sensors_healthy(extent), judges.judge_healthy)
-        traffic = plan.recorded_sensors_in_traffic(extent)
+        traffic = plan.in_traffic(extent, RECORDED_SENSORS)
         add("recorded sensors in traffic: healthy", traffic, judges.judge_healthy)
         in_traffic = {
             "clearance and relative velocity": radar,
@@ -134,6 +136,14 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
             runs = plan.recorded_sensors(extent, ((signal, 2.0),), signed=True)
             add(f"{title}: {signal} +-2", runs, partial(judges.judge_offset, size=2.0))
             add(f"{title}: {signal} +-2, rebuilt", runs, of_recorded)
+    title = "random sensors in traffic"
+    add(f"{title}: healthy", plan.in_traffic(extent, RANDOM_SENSORS), judges.judge_healthy)
+    # Without host speed it takes a lead to be ready.
+    blind = plan.in_traffic(extent, RANDOM_SENSORS, host_speed=False)
+    add(f"{title}, no host speed: healthy", blind, Judge.no_false_events)
+    for name, values in plan.COMBINATIONS.items():
+        runs = plan.faults_in_traffic(extent, "offset", values, False, sensor=RANDOM_SENSORS)
+        add(f"{title}: {name}", runs, judges.judge_in_traffic)
     held = tuple((signal, None) for signal, _ in radar)
     frozen = plan.spread("hold", held, extent.few, extent.seeds, plan.LENGTH, signed=False)
     add("the whole radar held", frozen, judges.judge_held_radar)

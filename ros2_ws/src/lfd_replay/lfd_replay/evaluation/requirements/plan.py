@@ -136,20 +136,27 @@ def recorded_sensors_healthy(extent: Extent) -> list[Run]:
     return [replace(run, sensor=RECORDED_SENSORS) for run in runs]
 
 
-def recorded_sensors_in_traffic(extent: Extent) -> list[Run]:
-    """Traffic as the recorded sensors see it."""
+def in_traffic(extent: Extent, sensor: str, host_speed: bool = True) -> list[Run]:
+    """Traffic as such sensors see it."""
     names = TRAFFIC[:: len(NORMAL) // len(extent.normal)]
     return [
-        Run(name, seed, sensor=RECORDED_SENSORS) for name in names for seed in extent.healthy_seeds
+        Run(name, seed, sensor=sensor, host_speed=host_speed)
+        for name in names
+        for seed in extent.healthy_seeds
     ]
 
 
 def faults_in_traffic(
-    extent: Extent, kind: str, values: tuple, signed: bool, length: float = LENGTH
+    extent: Extent,
+    kind: str,
+    values: tuple,
+    signed: bool,
+    length: float = LENGTH,
+    sensor: str = RECORDED_SENSORS,
 ) -> list[Run]:
-    """Faults in traffic as the recorded sensors see it."""
+    """Faults in traffic as such sensors see it."""
     names = TRAFFIC[:: 3 * len(NORMAL) // len(extent.normal)]
-    given = {"signed": signed, "sensor": RECORDED_SENSORS}
+    given = {"signed": signed, "sensor": sensor}
     return spread(kind, values, names, extent.seeds[:1], length, **given)
 
 

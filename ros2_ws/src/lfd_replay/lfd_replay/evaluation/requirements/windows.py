@@ -11,6 +11,7 @@ from lfd_diagnosis.verdict import State
 from lfd_mpc.samples import HOST_SPEED, LEAD_ACCELERATION, Sample, ScalarSample
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
+from lfd_replay.evaluation.random_sensors import RANDOM_SENSORS, random_sensors_drive
 from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS, recorded_sensors_drive
 from lfd_replay.evaluation.recorded_tracks import (
     BACKWARD,
@@ -97,6 +98,8 @@ def load(run: Run, recorded: Path | None) -> Drive:
         return load_drive(RECORDED, recorded)
     if run.sensor == RECORDED_SENSORS and recorded is not None:
         return recorded_sensors_drive(recorded, run.drive, run.seed, run.peak)
+    if run.sensor == RANDOM_SENSORS:
+        return random_sensors_drive(run.drive, run.seed, run.peak)
     return generate_drive(run.drive, run.seed, run.sensor, run.peak)
 
 
