@@ -178,7 +178,7 @@ def not_seeing(samples: Sequence[Sample], share: float) -> list[Sample]:
     ]
 
 
-@pytest.mark.parametrize("share", [0.03, 0.3])
+@pytest.mark.parametrize("share", [0.01, 0.03, 0.05])
 def test_a_lead_that_is_lost_for_a_scan_is_the_same_one(share: float) -> None:
     """What is faulty about it is over with the fault, and then it is judged at once."""
     made = generate_drive("hill", 1, "esr")
@@ -189,8 +189,8 @@ def test_a_lead_that_is_lost_for_a_scan_is_the_same_one(share: float) -> None:
     assert 30.0 < (flagged[0] - made.zero) * 1e-9 < 30.5
     assert 33.8 < (flagged[-1] - made.zero) * 1e-9 < 35.5
     after = [o.report.clearance.state for o in outcomes if o.report.stamp > made.zero + 36e9]
-    assert set(after) <= {State.OK, State.SUSPECT, State.NO_TARGET}
-    assert np.mean([state == State.OK for state in after]) > 0.95 - share
+    assert State.FAULT not in after
+    assert np.mean([state in (State.OK, State.NO_TARGET) for state in after]) > 0.98
 
 
 @pytest.mark.parametrize("known", [True, False])

@@ -66,7 +66,7 @@ RADAR = np.dtype(
         ("has_track", "?"),
         ("scans", "i8"),
         ("unseen", "?"),
-        ("in_a_row", "i8"),
+        ("followed", "i8"),
         ("begun_at", "f8"),
         ("period", "f8"),
         ("id", "i8"),
@@ -103,7 +103,7 @@ RADAR = np.dtype(
 """State of one radar's two signals and of its target; `lost_since` (s) counts while `lost`,
 `carried_since` while an offset is taken to go on with another target (`carried`). `before` is the
 track as it was at `before_at` (s), when the last scan was not yet taken. While it is `unseen` the
-radar says that it sees no lead; before that it saw it `in_a_row` for so many scans.
+radar says that it sees no lead; `followed`: scans that it was seen in, less what was lost of it.
 
 `shifted_at` (s) is when the clearance last went over to another part of the car behind a faulty
 relative velocity; `agreed_clearance` (m) is what was measured when that began to agree again,
@@ -136,7 +136,7 @@ def start_target(radar, settings):
     radar.before_at = -np.inf
     radar.scans = 0
     radar.unseen = False
-    radar.in_a_row = 0
+    radar.followed = 0
     radar.id = UNKNOWN_TRACK
     radar.remembered_count = 0
     radar.slow_acceleration = radar.slower_acceleration = settings.lead_acceleration_mean

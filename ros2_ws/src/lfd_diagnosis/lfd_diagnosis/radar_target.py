@@ -47,9 +47,10 @@ STANDS = 0.1
 MEMORY = 0.6
 """Seconds for which a target is remembered that is not seen, or under another track id."""
 
-FOLLOWED = 20
-"""Scans for which a healthy one must have been seen without a break to be the same one after a
-moment unseen: where targets come and go with every scan it may be any of them."""
+FOLLOWED, LOSS, MOST_FOLLOWED = 20, 10, 100
+"""Scans for which a healthy one must have been followed to be the same one after a moment unseen,
+how many of them each such moment takes, and how many count at most: where targets come and go with
+every scan it may be any of them."""
 
 KNOWN_SCANS = 5
 """Scans after which it is known well enough to be faulty if it is seen elsewhere then."""
@@ -63,7 +64,7 @@ def keeps_target(radar, settings, now):
     """Whether a target that the radar says it does not see may be seen again: one lost scan is no
     other car."""
     last_at = max(radar.clearance.last_at, radar.velocity.last_at)
-    followed = radar.in_a_row >= FOLLOWED or is_radar_faulty(radar)
+    followed = radar.followed >= FOLLOWED or is_radar_faulty(radar)
     return settings.same_car and radar.has_track and followed and now - last_at < MEMORY
 
 
@@ -105,7 +106,7 @@ def begin_target(radar, settings, track_id):
         radar.clearance.coasted = 0.0
     radar.has_track = True
     radar.before_at = -np.inf
-    radar.id, radar.scans, radar.in_a_row = track_id, 1, 0
+    radar.id, radar.scans, radar.followed = track_id, 1, 0
     radar.slow_acceleration = radar.slower_acceleration = mean
     # Nothing of another target says that this one's signals are held, or rough.
     radar.travelled_while_held = 0.0
@@ -188,7 +189,8 @@ def is_another(radar, settings, track_id):
         _regain(radar, settings)
     # What was not seen for a moment may be another car.
     unseen, radar.unseen = radar.unseen, False
-    radar.in_a_row = 0 if unseen else radar.in_a_row + 1
+    followed = radar.followed + 1 - LOSS * unseen
+    radar.followed = min(max(followed, 0), MOST_FOLLOWED)
     if not (changed or silent or unseen):
         return False
     if settings.same_car and _knows(radar, settings, track_id, changed):
