@@ -154,8 +154,7 @@ def test_a_speed_that_is_said_twice_is_told_when_it_is_held() -> None:
     assert {event.signal for event in faults(samples)} == {"host_speed"}
 
 
-@pytest.mark.parametrize("lateness", [0.05, 0.1])
-@pytest.mark.parametrize("step", [0.01, 0.2778])
+@pytest.mark.parametrize(("lateness", "step"), [(0.05, 0.01), (0.1, 0.2778)])
 def test_a_speed_that_comes_seldom_and_late_is_healthy(lateness: float, step: float) -> None:
     samples = thinned(drive("braking"), HOST_SPEED, 0.1)
     samples = changed(changed(samples, HOST_SPEED, late(lateness)), HOST_SPEED, coarse(step))
@@ -178,17 +177,18 @@ def not_seeing(samples: Sequence[Sample], share: float) -> list[Sample]:
     ]
 
 
-@pytest.mark.parametrize("share", [0.01, 0.03, 0.05])
+@pytest.mark.parametrize("share", [0.01, 0.05])
 def test_a_lead_that_is_lost_for_a_scan_is_the_same_one(share: float) -> None:
     """What is faulty about it is over with the fault, and then it is judged at once."""
     made = generate_drive("hill", 1, "esr")
+    zero = made.zero
     faulty = parse_faults(["offset:clearance=4,relative_velocity=-10@30-34"])
-    samples = FaultInjector(faulty, made.zero, 1).apply(not_seeing(made.samples, share))
+    samples = FaultInjector(faulty, zero, 1).apply(not_seeing(made.samples, share))
     outcomes = outcomes_of(samples)
     flagged = [o.report.stamp for o in outcomes if o.report.radar.state == State.FAULT]
-    assert 30.0 < (flagged[0] - made.zero) * 1e-9 < 30.5
-    assert 33.8 < (flagged[-1] - made.zero) * 1e-9 < 35.5
-    after = [o.report.clearance.state for o in outcomes if o.report.stamp > made.zero + 36e9]
+    assert 30.0 < (flagged[0] - zero) * 1e-9 < 30.5
+    assert 33.8 < (flagged[-1] - zero) * 1e-9 < 35.5
+    after = [o.report.clearance.state for o in outcomes if o.report.stamp > zero + 36e9]
     assert State.FAULT not in after
     assert np.mean([state in (State.OK, State.NO_TARGET) for state in after]) > 0.98
 
@@ -197,10 +197,11 @@ def test_a_lead_that_is_lost_for_a_scan_is_the_same_one(share: float) -> None:
 def test_a_lead_that_is_lost_and_another_one_is_seen_is_no_fault(known: bool) -> None:
     """`known`: whether targets have ids."""
     made = generate_drive("hill", 1, "esr")
+    zero = made.zero
     nothing = float("nan")
     samples = []
     for s in made.samples:
-        now = (s.stamp - made.zero) * 1e-9
+        now = (s.stamp - zero) * 1e-9
         if s.input == RADAR and 30.0 <= now < 30.3:
             s = replace(s, has_target=False, clearance=nothing, relative_velocity=nothing)
         elif s.input == RADAR and now >= 30.3:
