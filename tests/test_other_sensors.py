@@ -4,6 +4,7 @@ them is still found."""
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
+from math import nan
 from random import Random
 
 import numpy as np
@@ -11,7 +12,8 @@ import pytest
 from scipy.signal import savgol_filter
 
 from lfd_diagnosis.verdict import Event, Kind, Outcome, State
-from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, Sample
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
+from lfd_mpc.settings import STEP_NS
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.generated.generate import drive_truth, generate_drive
 from lfd_replay.offline import OfflineGraph
@@ -167,14 +169,14 @@ def test_a_radar_that_loses_scans_is_healthy(name: str, share: float) -> None:
     assert faults(losing(drive(name), RADAR, share)) == []
 
 
+def unseen(scan: Sample) -> Sample:
+    return RadarSample(scan.stamp, False, nan, nan)
+
+
 def not_seeing(samples: Sequence[Sample], share: float) -> list[Sample]:
     """A radar that says now and then, for a scan, that there is no lead."""
-    random, nothing = Random(7), float("nan")
-    unseen = {"has_target": False, "clearance": nothing, "relative_velocity": nothing}
-    return [
-        replace(s, track_id=-1, **unseen) if s.input == RADAR and random.random() < share else s
-        for s in samples
-    ]
+    random = Random(7)
+    return [unseen(s) if s.input == RADAR and random.random() < share else s for s in samples]
 
 
 @pytest.mark.parametrize("share", [0.01, 0.05])
@@ -185,9 +187,15 @@ def test_a_lead_that_is_lost_for_a_scan_is_the_same_one(share: float) -> None:
     faulty = parse_faults(["offset:clearance=4,relative_velocity=-10@30-34"])
     samples = FaultInjector(faulty, zero, 1).apply(not_seeing(made.samples, share))
     outcomes = outcomes_of(samples)
-    flagged = [o.report.stamp for o in outcomes if o.report.radar.state == State.FAULT]
-    assert 30.0 < (flagged[0] - zero) * 1e-9 < 30.5
-    assert 33.8 < (flagged[-1] - zero) * 1e-9 < 35.5
+    flagged = [o.report for o in outcomes if o.report.radar.state == State.FAULT]
+    first, last = flagged[0].stamp, flagged[-1].stamp
+    assert 30.0 < (first - zero) * 1e-9 < 30.5
+    assert 33.8 < (last - zero) * 1e-9 < 35.5
+    # One alarm, and it says what is seen just now.
+    assert len(flagged) == (last - first) // STEP_NS + 1
+    lost = {s.stamp for s in samples if s.input == RADAR and not s.has_target}
+    assert {stamp for stamp in lost if first < stamp < last}
+    assert any("now the radar sees no lead" in report.radar.reason for report in flagged)
     after = [o.report.clearance.state for o in outcomes if o.report.stamp > zero + 36e9]
     assert State.FAULT not in after
     assert np.mean([state in (State.OK, State.NO_TARGET) for state in after]) > 0.98
@@ -198,12 +206,11 @@ def test_a_lead_that_is_lost_and_another_one_is_seen_is_no_fault(known: bool) ->
     """`known`: whether targets have ids."""
     made = generate_drive("hill", 1, "esr")
     zero = made.zero
-    nothing = float("nan")
     samples = []
     for s in made.samples:
         now = (s.stamp - zero) * 1e-9
         if s.input == RADAR and 30.0 <= now < 30.3:
-            s = replace(s, has_target=False, clearance=nothing, relative_velocity=nothing)
+            s = unseen(s)
         elif s.input == RADAR and now >= 30.3:
             s = replace(s, clearance=s.clearance + 5.0, track_id=s.track_id + 1)
         samples.append(s if known or s.input != RADAR else replace(s, track_id=-1))

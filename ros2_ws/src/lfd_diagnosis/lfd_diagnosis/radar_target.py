@@ -185,16 +185,17 @@ def is_another(radar, settings, track_id):
     _follow_period(radar, gap)
     silent = gap > LOST_AFTER or (has_missed and _is_far_away(radar))
     changed = _has_another_id(radar, track_id)
-    if not changed and not silent and at - radar.clearance.last_at > LARGEST_GAP:
+    goes_on = not (changed or silent)
+    if goes_on and at - radar.clearance.last_at > LARGEST_GAP:
         _regain(radar, settings)
     # What was not seen for a moment may be another car.
     unseen, radar.unseen = radar.unseen, False
     followed = radar.followed + 1 - LOSS * unseen
     radar.followed = min(max(followed, 0), MOST_FOLLOWED)
-    if not (changed or silent or unseen):
+    if goes_on and not unseen:
         return False
     if settings.same_car and _knows(radar, settings, track_id, changed):
-        if not changed and not silent:
+        if goes_on:
             return False
         if is_radar_faulty(radar) and radar.path.count:
             # What agrees since goes on, but for the step.

@@ -10,6 +10,8 @@ from lfd_diagnosis.robust_diagnosis import VALID_CLEARANCE_STD, VALID_VELOCITY_S
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import VERDICTS, Kind, State
 
+UNSEEN = "the radar sees no lead"
+
 KIND_WORDS = {int(kind): kind.name.lower() for kind in Kind}
 
 _GROUND_WORDS: dict[int, Callable[[Any], str]] = {
@@ -82,18 +84,18 @@ def robust_reasons(
         said.relative_velocity.state,
         said.acceleration.state,
     ):
-        filling = _filling(evidence.scans, anew_because)
+        filling = _filling(evidence, anew_because)
     says = f"; the radar says: {sensor_text}" if sensor_text else ""
     return {
         "clearance": _radar_signal(
-            settings, said.clearance, evidence.clearance, evidence.lost, filling, "m"
+            settings, said.clearance, evidence.clearance, evidence, filling, "m"
         )
         + says,
         "relative_velocity": _radar_signal(
             settings,
             said.relative_velocity,
             evidence.relative_velocity,
-            evidence.lost,
+            evidence,
             filling,
             "m/s",
         )
@@ -104,22 +106,25 @@ def robust_reasons(
     }
 
 
-def _filling(scans: int, anew_because: str) -> str:
+def _filling(evidence: Any, anew_because: str) -> str:
+    if evidence.unseen:
+        return UNSEEN
     because = f" after: {anew_because}" if anew_because else ""
-    return f"{scans} of {READY_SCANS} scans of this target{because}"
+    return f"{evidence.scans} of {READY_SCANS} scans of this target{because}"
 
 
 def _radar_signal(
-    settings: DiagnosisSettings, verdict: Any, evidence: Any, lost: bool, filling: str, unit: str
+    settings: DiagnosisSettings, verdict: Any, evidence: Any, radar: Any, filling: str, unit: str
 ) -> str:
+    """`evidence` of the one signal, `radar`: of both."""
     state = verdict.state
     if state == State.NO_DATA:
         return f"transport: {silent(evidence.age)}"
     if state == State.NO_TARGET:
-        return "the radar sees no lead"
+        return UNSEEN
     if state == State.NOT_READY:
         return filling
-    now = _residual(evidence.residual, evidence.limit, unit)
+    now = UNSEEN if radar.unseen else _residual(evidence.residual, evidence.limit, unit)
     if state != State.FAULT:
         return f"{now}; scan {evidence.age * 1000:.0f} ms old{_rejected(evidence.outliers)}"
     because = evidence.because
@@ -128,7 +133,7 @@ def _radar_signal(
     else:
         words = _words(because)
     reason = f"{KIND_WORDS[verdict.kind]} by {words}"
-    if lost:
+    if radar.lost:
         needed = evidence.must_agree or settings.requalify_time
         return f"{reason}; reference lost: a new target must agree for {needed:g} s"
     reason += f"; now {now}"
@@ -198,7 +203,7 @@ def robust_missing(_settings: DiagnosisSettings, said: Any, anew_because: str) -
     """Why reconstructed signals are not offered; empty where all are."""
     made, evidence, missing = said.reconstructed, said.evidence, []
     if not evidence.has_track:
-        missing.append(f"radar signals: {_filling(evidence.scans, anew_because)}")
+        missing.append(f"radar signals: {_filling(evidence, anew_because)}")
     else:
         if evidence.clearance_std > VALID_CLEARANCE_STD:
             missing.append(f"clearance: not known better than to {evidence.clearance_std:.1f} m")
@@ -230,7 +235,7 @@ def paper_reasons(
         elif verdict.state == State.NO_DATA:
             reason = silent(getattr(evidence, f"{name}_age"))
         elif verdict.state == State.NO_TARGET:
-            reason = "the radar sees no lead"
+            reason = UNSEEN
         else:
             reason = filling
         reasons[name] = reason + says

@@ -72,6 +72,7 @@ ROBUST_EVIDENCE = np.dtype(
         ("clearance", RADAR_EVIDENCE),
         ("relative_velocity", RADAR_EVIDENCE),
         ("scans", "i8"),
+        ("unseen", "?"),
         ("lost", "?"),
         ("has_track", "?"),
         ("clearance_std", "f8"),
@@ -141,14 +142,11 @@ def _follow_time(state, settings, horizon):
 
 
 @inner
-def _lead_seen(state, settings):
-    """The lead's acceleration as radar and host make it, in m/s^2."""
-    radar, acceleration = state.radar, state.acceleration
-    if is_radar_faulty(radar) or not is_ready(radar):
-        return np.nan
-    if acceleration.faulty and not is_usable(acceleration.speed, settings):
-        return np.nan
-    return radar.track.acceleration
+def _lead_seen(state, settings, believed):
+    """The lead's acceleration as a radar that is `believed` and the host make it, in m/s^2."""
+    acceleration = state.acceleration
+    host_known = not acceleration.faulty or is_usable(acceleration.speed, settings)
+    return state.radar.track.acceleration if believed and host_known else np.nan
 
 
 @inner
@@ -169,7 +167,7 @@ def robust_step(state, settings, horizon, relative_acceleration, outcome):
     relative = relative_acceleration if believed else np.nan
     velocity = radar.track.velocity if believed else np.nan
     judge_acceleration(acceleration, settings, horizon, relative, velocity, lead)
-    follow_lead_report(lead, settings, horizon, _lead_seen(state, settings))
+    follow_lead_report(lead, settings, horizon, _lead_seen(state, settings, believed))
     state.heard_lead = state.heard_lead or lead.heard
     outcome.evidence.silent = False
     _judge_radar(state, settings, horizon, outcome)
@@ -250,6 +248,7 @@ def _judge_radar(state, settings, horizon, outcome):
         outcome.relative_velocity,
     )
     evidence.scans = min(radar.scans, READY_SCANS)
+    evidence.unseen = not horizon.has_target
     evidence.lost = radar.lost or radar.carried
 
 

@@ -67,7 +67,7 @@ class RadarChecks(Settings):
     same_car: bool = setting(
         True,
         "1",
-        "a new track id whose target agrees with the prediction is the same car",
+        "a target under a new track id, or not seen for a moment, that agrees is the same car",
         ROBUST,
     )
     check_drift: bool = setting(

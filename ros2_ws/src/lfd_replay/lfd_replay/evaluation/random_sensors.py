@@ -1,15 +1,17 @@
 """Traffic as cars with sensors of their own see it: every drive draws other ones.
 
 Rates, delays, noises, steps and habits that sensors of cars have, each drawn by itself between what
-is good and what is bad: nobody's parameters can have been set while looking at just these.
+is good and what is bad.
 """
 
 from dataclasses import dataclass, replace
+from math import nan
+from typing import TypeVar
 from zlib import crc32
 
 import numpy as np
 
-from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, UNKNOWN_TRACK, Sample
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
 from lfd_replay.drive import Drive, make_drive
 from lfd_replay.evaluation.recorded_views import joined
 from lfd_replay.generated.generate import drive_truth
@@ -20,6 +22,8 @@ from lfd_replay.generated.sensor_models import (
     SensorSuite,
     Speedometer,
 )
+
+Value = TypeVar("Value")
 
 RANDOM_SENSORS = "random"
 """Such sensors, among the names of sensor suites."""
@@ -40,7 +44,7 @@ class _Draw:
     def ratio(self, least: float, most: float) -> float:
         return float(np.exp(self.generator.uniform(np.log(least), np.log(most))))
 
-    def one(self, *values: float) -> float:
+    def one(self, *values: Value) -> Value:
         return values[int(self.generator.integers(len(values)))]
 
 
@@ -72,7 +76,7 @@ def draw_sensors(generator: np.random.Generator) -> tuple[SensorSuite, Habits]:
         velocity_noise=draw.ratio(0.01, 0.12),
         velocity_memory=draw.even(0.0, 0.7),
         velocity_step=draw.one(0.01, 0.025, 0.0625, 0.125, 0.25),
-        outlier_period=((10.0, 20.0), (45.0, 75.0))[int(generator.integers(2))],
+        outlier_period=draw.one((10.0, 20.0), (45.0, 75.0)),
         outlier=draw.ratio(0.5, 5.0),
     )
     period = draw.one(0.01, 0.01, 0.012, 0.02, 0.04, 0.05)
@@ -102,7 +106,7 @@ def draw_sensors(generator: np.random.Generator) -> tuple[SensorSuite, Habits]:
         lost=draw.one(0.0, 0.0, 0.01, 0.03),
         felt_step=draw.one(0.0, 0.0, 0.01, 0.05, 0.1),
         dead=draw.one(0.0, 0.0, 0.3, 0.6, 1.0),
-        in_table=bool(draw.one(0, 0, 0, 1)),
+        in_table=draw.one(False, False, False, True),
     )
     return SensorSuite(radar, accelerometer, speedometer), habits
 
@@ -117,7 +121,8 @@ def random_sensors_drive(name: str, seed: int, peak: float | None = None) -> Dri
     sensed = suite.sense(truth, seed, name)
     lost = generator.random(len(sensed[RADAR])) < habits.lost
     sensed[RADAR] = [
-        _unseen(scan) if gone else scan for scan, gone in zip(sensed[RADAR], lost, strict=True)
+        RadarSample(scan.stamp, False, nan, nan) if gone else scan
+        for scan, gone in zip(sensed[RADAR], lost, strict=True)
     ]
     if habits.felt_step:
         sensed[ACCELERATION] = [_stepped(s, habits.felt_step) for s in sensed[ACCELERATION]]
@@ -126,17 +131,6 @@ def random_sensors_drive(name: str, seed: int, peak: float | None = None) -> Dri
     ]
     drive = make_drive(name, sensed)
     return Drive(drive.name, joined(drive.samples, 1)) if habits.in_table else drive
-
-
-def _unseen(scan: Sample) -> Sample:
-    nothing = float("nan")
-    return replace(
-        scan,
-        has_target=False,
-        clearance=nothing,
-        relative_velocity=nothing,
-        track_id=UNKNOWN_TRACK,
-    )
 
 
 def _stepped(sample: Sample, step: float) -> Sample:

@@ -138,7 +138,6 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
             add(f"{title}: {signal} +-2, rebuilt", runs, of_recorded)
     title = "random sensors in traffic"
     add(f"{title}: healthy", plan.in_traffic(extent, RANDOM_SENSORS), judges.judge_healthy)
-    # Without host speed it takes a lead to be ready.
     blind = plan.in_traffic(extent, RANDOM_SENSORS, host_speed=False)
     add(f"{title}, no host speed: healthy", blind, Judge.no_false_events)
     for name, values in plan.COMBINATIONS.items():
