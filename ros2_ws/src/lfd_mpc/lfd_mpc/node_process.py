@@ -165,6 +165,8 @@ def run_node(load: Callable[[], Callable[[], Node]], args: list[str] | None = No
 def _spin(load: Callable[[], Callable[[], Node]]) -> None:
     """Returns when told to stop, and leaves nothing of ROS behind."""
     try:
+        # Heeded by `deliver`: libraries make an ImportError of what is raised while they load.
+        _signals.at_once = False
         with without_collector(stays=True):
             node = load()()
         try:
