@@ -3,6 +3,7 @@
 import itertools
 import os
 import time
+import zlib
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -32,12 +33,15 @@ def profile_arguments(profile: str) -> list[str]:
     return [*REPLAY_ARGUMENTS, "--params-file", str(LOCKSTEP.with_name(f"{profile}.yaml"))]
 
 
-_domains = itertools.count(1)
+_WORKERS = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+_RUN = zlib.crc32(os.environ.get("PYTEST_XDIST_TESTRUNUID", str(os.getpid())).encode())
+_domains = itertools.count(_WORKER, _WORKERS)
 
 
 def next_domain() -> int:
     """A domain id that no other test of this run uses, and hardly another run on this machine."""
-    return 1 + (os.getpid() * 13 + next(_domains)) % 100
+    return 1 + (_RUN + next(_domains)) % 100
 
 
 class Graph:

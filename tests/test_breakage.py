@@ -59,6 +59,8 @@ from lfd_replay.player import PlayerNode, PlayOptions
 from lfd_replay.profiles import graph_settings
 from ros_support import REPLAY_ARGUMENTS, Graph, next_domain
 
+pytestmark = pytest.mark.alone
+
 sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
 from drives import long_drive  # noqa: E402
 

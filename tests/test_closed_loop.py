@@ -34,6 +34,8 @@ from lfd_vehicle.vehicle_node import LOOP_NODES, VehicleNode
 from lfd_vehicle.world import Scenario
 from ros_support import Graph, difference, next_domain, profile_arguments
 
+pytestmark = pytest.mark.alone
+
 ROOT = Path(__file__).parent.parent
 LEAD = "20,-4@3-5"
 FAULT = "offset:clearance=4,relative_velocity=10@3.2-8"

@@ -26,6 +26,8 @@ from ros_support import (
     recorded,
 )
 
+pytestmark = pytest.mark.alone
+
 ROOT = Path(__file__).parent.parent
 NODES = (
     ("lfd_mpc", "mpc_node"),

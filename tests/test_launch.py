@@ -19,6 +19,8 @@ from lfd_replay.drive_bag import write_drive
 from lfd_replay.faults import FaultInjector, parse_faults
 from ros_support import Graph, offline
 
+pytestmark = pytest.mark.alone
+
 ROOT = Path(__file__).parent.parent
 LAUNCH = ROOT / "ros2_ws/src/lfd_bringup/launch/replay.launch.py"
 FAULT = "offset:acceleration=4@1-2"

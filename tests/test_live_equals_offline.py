@@ -87,6 +87,7 @@ def test_lockstep_gives_what_offline_gives(fault: str, profile: str) -> None:
     assert_live_equals_offline(live, offline(samples, profile))
 
 
+@pytest.mark.alone
 def test_free_rate_gives_what_offline_gives_when_nothing_was_late() -> None:
     samples = with_fault("offset:acceleration=4@1-2")
     live = play_live(samples, rate=1.0)

@@ -43,6 +43,8 @@ from lfd_replay.sample_publishers import SamplePublishers
 from lfd_vehicle.settings import TABLES
 from ros_support import REPLAY_ARGUMENTS, Graph
 
+pytestmark = pytest.mark.alone
+
 ROOT = Path(__file__).parent.parent
 BRINGUP = ROOT / "ros2_ws/src/lfd_bringup"
 

@@ -18,6 +18,8 @@ from lfd_replay.lockstep import LockstepError, horizon_difference
 from lfd_replay.player import PlayerNode, PlayOptions, samples_to_play
 from ros_support import Graph
 
+pytestmark = pytest.mark.alone
+
 LAUNCH = Path(__file__).parent.parent / "ros2_ws/src/lfd_bringup/launch/replay.launch.py"
 
 

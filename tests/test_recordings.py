@@ -28,6 +28,8 @@ from lfd_replay.recordings.message_definitions import DEFINITIONS
 from lfd_replay.recordings.recorded_messages import Mounting
 from ros_support import assert_live_equals_offline, offline
 
+pytestmark = pytest.mark.alone
+
 KINDS = ("mcap", "sqlite3", "ros1")
 SECONDS = 4.0
 
