@@ -237,9 +237,8 @@ def test_a_killed_node_is_noticed_and_its_successor_takes_over(capfd) -> None:
         assert max(silent) <= 0.2
         assert max(told) <= 1.0
         assert max(since_ready) <= 1.0
-        # How long a process takes to start is the machine's affair where others use it, too:
-        # elsewhere it is printed, and `drive_until` waits no longer than 15 s.
-        assert not SOAK or max(resumed) <= 1.0
+        # How long a process takes to start is the machine's affair where others use it, too.
+        assert max(resumed) <= (1.0 if SOAK else 2.0)
         assert reports.faults() == []
 
 

@@ -166,10 +166,24 @@ def stop():
 class WhileMade(Node):
     def __init__(self):
         super().__init__("made")
+        stop()
+        time.sleep(60.0)
+
+class WhileALibraryLoads(Node):
+    def __init__(self):
+        super().__init__("loading")
         try:
             stop()
         except KeyboardInterrupt as told:
-            raise ImportError("what libraries make of it that are loaded") from told
+            raise ImportError("what libraries in C make of it") from told
+
+class WhereItIsNotHeard(Node):
+    def __init__(self):
+        super().__init__("unheard")
+        class Dropped:
+            def __del__(self):
+                stop()
+        Dropped()
 
 class InACallback(Node):
     def __init__(self):
@@ -210,6 +224,11 @@ def stopped(name: str, kind: str) -> subprocess.CompletedProcess[str]:
 def test_a_node_that_is_stopped_ends_in_peace(name: str) -> None:
     made = stopped(name, "WhileMade")
     assert (made.returncode, made.stderr) == (0, "")
+    loading = stopped(name, "WhileALibraryLoads")
+    assert (loading.returncode, loading.stderr) == (0, "")
+    # Python drops what is raised while it frees an object, and says so.
+    unheard = stopped(name, "WhereItIsNotHeard")
+    assert unheard.returncode == 0 and "Exception ignored" in unheard.stderr
     busy = stopped(name, "InACallback")
     assert (busy.returncode, busy.stderr) == (0, "")
     assert busy.stdout == "the step is whole\n"

@@ -162,13 +162,22 @@ def run_node(load: Callable[[], Callable[[], Node]], args: list[str] | None = No
     return 0
 
 
+def _made(load: Callable[[], Callable[[], Node]]) -> Node:
+    """Raises KeyboardInterrupt if told to end meanwhile, whatever was made of that."""
+    try:
+        return load()()
+    except Exception as error:
+        # Libraries in C make an ImportError of what is raised while they are loaded.
+        if _signals.told:
+            raise KeyboardInterrupt from error
+        raise
+
+
 def _spin(load: Callable[[], Callable[[], Node]]) -> None:
     """Returns when told to stop, and leaves nothing of ROS behind."""
     try:
-        # Heeded by `deliver`: libraries make an ImportError of what is raised while they load.
-        _signals.at_once = False
         with without_collector(stays=True):
-            node = load()()
+            node = _made(load)
         try:
             executor = make_executor()
             executor.add_node(node)
