@@ -13,6 +13,8 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -25,6 +27,9 @@ ROS_PREFIX = (
     os.environ.get("AMENT_PREFIX_PATH") if os.environ.get("ROS_DISTRO") == "jazzy" else None
 )
 """Where an installed and sourced ROS 2 Jazzy is; None: it comes as wheels."""
+
+PIP = ("--disable-pip-version-check", "--no-compile")
+"""It would make all bytecode before it ends; `bytecode` does beside the next steps."""
 
 
 def fail(step: str, problem: str, remedy: str) -> None:
@@ -107,7 +112,7 @@ def make_environment() -> bool:
         run(
             "environment",
             "check the connection to the package index and run the command again",
-            [PYTHON, "-m", "pip", "install", "--disable-pip-version-check", *arguments],
+            [PYTHON, "-m", "pip", "install", *PIP, *arguments],
         )
     if ROS_PREFIX is None:
         mend_wheels()
@@ -136,6 +141,24 @@ def mend_wheels() -> None:
             text = text.replace(wrong, right)
         if text != old:
             file.write_text(text)
+
+
+@contextmanager
+def bytecode(environment_is_new: bool) -> Iterator[None]:
+    """Leave that of all libraries: a node may be started where none can be kept."""
+    making = None
+    if environment_is_new:
+        # What cannot be compiled, a template say, is never loaded either.
+        making = subprocess.Popen(
+            [PYTHON, "-m", "compileall", "-qq", VENV / "lib"],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+    try:
+        yield
+    finally:
+        if making is not None:
+            making.wait()
 
 
 def build_workspace(environment_is_new: bool) -> None:
@@ -199,8 +222,10 @@ def compile_algorithm() -> None:
 def main() -> None:
     """Carry out what is not done yet."""
     check_prerequisites()
-    build_workspace(make_environment())
-    compile_algorithm()
+    is_new = make_environment()
+    with bytecode(is_new):
+        build_workspace(is_new)
+        compile_algorithm()
 
 
 if __name__ == "__main__":
