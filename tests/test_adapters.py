@@ -24,8 +24,6 @@ from lfd_replay.host_adapter import HostAdapterNode
 from lfd_replay.radar_adapter import RadarAdapterNode
 from ros_support import Graph
 
-pytestmark = pytest.mark.alone
-
 ADAPTER = Path(__file__).parent / "adapter_process.py"
 
 

@@ -34,8 +34,6 @@ from lfd_vehicle.vehicle_node import LOOP_NODES, VehicleNode
 from lfd_vehicle.world import Scenario
 from ros_support import Graph, difference, next_domain, profile_arguments
 
-pytestmark = pytest.mark.alone
-
 ROOT = Path(__file__).parent.parent
 LEAD = "20,-4@3-5"
 FAULT = "offset:clearance=4,relative_velocity=10@3.2-8"
@@ -86,6 +84,7 @@ def test_the_closed_loop_in_lockstep_gives_what_it_gives_without_ros(profile: st
     assert any(step.decision.level for step in own), "the fault is acted on"
 
 
+@pytest.mark.alone
 def test_a_dead_controller_leaves_a_car_that_brakes_by_itself() -> None:
     with Graph() as graph:
         arguments = ["--ros-args", "-p", "use_sim_time:=true"]

@@ -28,8 +28,6 @@ from lfd_replay.recordings.message_definitions import DEFINITIONS
 from lfd_replay.recordings.recorded_messages import Mounting
 from ros_support import assert_live_equals_offline, offline
 
-pytestmark = pytest.mark.alone
-
 KINDS = ("mcap", "sqlite3", "ros1")
 SECONDS = 4.0
 
@@ -307,6 +305,7 @@ def test_the_imported_drive_is_what_every_command_reads_from_the_bag(tmp_path: P
     assert str(read_drive(out).samples) == str(read_drive(bag).samples)
 
 
+@pytest.mark.alone
 def test_an_esr_bag_is_played_straight_into_the_graph(tmp_path: Path) -> None:
     car = Car("mcap")
     drive = read_drive(car.write(tmp_path / "bag", esr_rows(car) + host_rows(car)))

@@ -150,7 +150,7 @@ def bytecode(environment_is_new: bool) -> Iterator[None]:
     if environment_is_new:
         # What cannot be compiled, a template say, is never loaded either.
         making = subprocess.Popen(
-            [PYTHON, "-m", "compileall", "-qq", VENV / "lib"],
+            ["nice", "-n", "19", PYTHON, "-m", "compileall", "-qq", VENV / "lib"],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )

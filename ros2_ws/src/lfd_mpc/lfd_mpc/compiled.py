@@ -147,6 +147,7 @@ class Compiled:
     def __call__(self, *arguments: Any) -> Any:
         return self._called(*arguments)
 
+
 def inner(function: Function) -> Function:
     """Compile a function that only compiled functions call."""
     return cast(Function, Compiled(function))
