@@ -54,6 +54,9 @@ def test_every_step_of_the_loop_says_what_the_nodes_cores_say(profile: str, solv
     # As text, since NaN equals nothing: states, indices, confidences, reasons and events.
     assert list(map(str, looped)) == list(map(str, stepped))
     assert {o.report.radar.state for o in looped} >= {1, 3, 4}
+    graph = OfflineGraph(settings)
+    events = [event for rows in graph.rows(samples) for event in graph.events(rows)]
+    assert list(map(str, events)) == [str(event) for o in stepped for event in o.events]
 
 
 COMPILED = """

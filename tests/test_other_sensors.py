@@ -94,7 +94,8 @@ def outcomes_of(samples: Sequence[Sample]) -> list[Outcome]:
 
 
 def faults(samples: Sequence[Sample]) -> list[Event]:
-    events = [event for outcome in outcomes_of(samples) for event in outcome.events]
+    graph = OfflineGraph(graph_settings("robust"))
+    events = [event for rows in graph.rows(samples) for event in graph.events(rows)]
     return [event for event in events if event.fault.state == State.FAULT]
 
 

@@ -141,8 +141,7 @@ def called_faulty(drive: Drive) -> list[tuple[str, str, str]]:
     return [
         (drive.name, event.signal, event.fault.reason)
         for rows in graph.rows(drive.samples)
-        for outcome in graph.outcomes(rows)
-        for event in outcome.events
+        for event in graph.events(rows)
         if event.fault.state == State.FAULT
     ]
 
@@ -190,8 +189,7 @@ def test_a_real_radar_that_says_the_same_for_a_while_is_not_held(data, number, f
     said = {
         event.signal
         for rows in graph.rows(samples)
-        for outcome in graph.outcomes(rows)
-        for event in outcome.events
+        for event in graph.events(rows)
         if event.fault.state == State.FAULT
     }
     assert said == {"clearance", "radar"}
@@ -212,8 +210,7 @@ def test_traffic_is_seen_by_the_recorded_sensors_as_the_seed_has_it(data: Path) 
 def test_traffic_with_its_stops_raises_no_fault(data: Path, name: str) -> None:
     graph = OfflineGraph(graph_settings("robust"))
     for rows in graph.rows(recorded_sensors_drive(data, name, 1).samples):
-        for outcome in graph.outcomes(rows):
-            assert not [e for e in outcome.events if e.fault.state == State.FAULT]
+        assert not [e for e in graph.events(rows) if e.fault.state == State.FAULT]
 
 
 @pytest.mark.parametrize(
@@ -229,10 +226,9 @@ def test_an_acceleration_that_jumps_on_a_rough_road_is_told_at_once(
     samples = FaultInjector(faults, drive.zero, 1).apply(drive.samples)
     graph = OfflineGraph(graph_settings("robust"))
     found = [
-        (outcome.report.stamp - drive.zero) * 1e-9
+        (event.stamp - drive.zero) * 1e-9
         for rows in graph.rows(samples)
-        for outcome in graph.outcomes(rows)
-        for event in outcome.events
+        for event in graph.events(rows)
         if event.signal == "acceleration" and event.fault.state == State.FAULT
     ]
     assert len(found) == 1

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lfd_diagnosis.diagnosis import Diagnosis, RobustDiagnosis, make_diagnosis
 from lfd_diagnosis.paper_diagnosis import paper_step
 from lfd_diagnosis.robust_diagnosis import robust_step
-from lfd_diagnosis.verdict import Outcome
+from lfd_diagnosis.verdict import Event, Outcome
 from lfd_mpc.compiled import borrowing, entry, inner
 from lfd_mpc.errors import UserError
 from lfd_mpc.horizon import HORIZON, STATUS_TEXTS, Horizon, Mpc, Progress, mpc_step
@@ -174,7 +174,10 @@ class OfflineGraph:
                 rows, filled = np.empty(CHUNK, kind), 0
 
     def outcomes(self, rows: NDArray[np.void]) -> Iterator[Outcome]:
-        """Each row of the next array of `rows` in words; none may be left out."""
+        """Each row of the next array of `rows` in words.
+
+        None may be left out that starts anew: others say why it did.
+        """
         texts = self._mpc.sampler.texts
         for row in rows:
             outcome = row["outcome"]
@@ -183,3 +186,9 @@ class OfflineGraph:
                 self._anew_because = self._diagnosis.anew_because(restart_reason(row), status)
             text = texts.text(int(row["text"]))
             yield self._diagnosis.outcome_of(outcome, self._anew_because, text)
+
+    def events(self, rows: NDArray[np.void]) -> Iterator[Event]:
+        """The events of each row of the next array of `rows`: much faster than all outcomes."""
+        said = rows["outcome"]
+        for outcome in self.outcomes(rows[(said["changed"] != 0) | said["starts_anew"]]):
+            yield from outcome.events
