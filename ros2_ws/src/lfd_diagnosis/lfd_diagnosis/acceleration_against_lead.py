@@ -15,6 +15,7 @@ from lfd_diagnosis.acceleration_state import (
     RADAR_GONE,
     SAMPLES,
     SHARP,
+    newest_sample,
     shaking_left,
 )
 from lfd_diagnosis.evidence import Ground, set_check
@@ -58,6 +59,13 @@ JUMP_MEMORY = 25
 BRAKED, RELEASED, ANSWER = 1.5, 1.0, 50
 """m/s^2 of braking that ends at once where a car comes to rest, m/s^2 up to which what is felt
 afterwards is its end, and steps after which radar and observers have surely answered it."""
+
+LEAP, LEAP_SHARE = 2, 0.75
+"""Steps within which an offset jumps, and share of all that has changed by then; brakes that come on
+go on for longer."""
+
+ANSWERED_SHARE = 0.6
+"""Share of a jump that the observers answer if it is the car's own."""
 
 OWN_SHARE = 0.7
 """Share of its difference from the lead's word that the accelerometer must have made itself."""
@@ -203,6 +211,23 @@ def ends_braking(monitor):
 
 
 @inner
+def _leapt(monitor):
+    """Whether what jumped did so from one moment to the next, as brakes do not."""
+    samples, sign = monitor.samples, monitor.jump_sign
+    leap = 0.0
+    for k in range(LEAP, SAMPLES):
+        leap = max(leap, sign * (at(samples, k) - at(samples, k - LEAP)))
+    return leap > LEAP_SHARE * sign * (newest_sample(monitor) - monitor.before)
+
+
+@inner
+def _is_answered(monitor, jumped):
+    """Whether the observers have surely answered a jump, in the mean: single ones swing as far."""
+    answered = monitor.relative_slow - monitor.relative_before
+    return -monitor.jump_sign * answered > ANSWERED_SHARE * jumped
+
+
+@inner
 def _against_observers(monitor, settings, relative_velocity):
     samples = monitor.samples
     jump = _change(monitor) if is_full(samples) else 0.0
@@ -211,20 +236,23 @@ def _against_observers(monitor, settings, relative_velocity):
         if not monitor.jumped_for:
             monitor.lead_reference = mean_of(monitor.lead_recent, 0, 2 * BASELINE_DELAY // 3)
             monitor.before = mean_of(samples, 0, SHARP)
+            monitor.relative_before = monitor.relative_slow
         monitor.jumped_for, monitor.jump_sign = JUMP_MEMORY, 1.0 if jump > 0 else -1.0
-        if ends_braking(monitor):
+        if ends_braking(monitor) or not _leapt(monitor):
             monitor.jumped_for += ANSWER
     if not monitor.jumped_for:
         _take_if_worse(monitor.check, Ground.OBSERVERS, jump, limit)
         return
     monitor.jumped_for -= 1
-    told = monitor.jumped_for < JUMP_MEMORY and is_nearing(relative_velocity)
-    if ends_braking(monitor) and not told:
+    # A jump that the observers answer with the opposite one is the car's own.
+    jumped = mean_of_swings(monitor) - monitor.before
+    if _is_answered(monitor, max(abs(jumped), 0.8 * limit)):
+        monitor.jumped_for = 0
+    waits = monitor.jumped_for >= JUMP_MEMORY
+    if waits or (ends_braking(monitor) and not is_nearing(relative_velocity)):
         # A car that comes to rest jerks back: it takes the radar a moment to see it stand.
         monitor.confidence = 0
         return
-    # A jump that the observers answer with the opposite one is the car's own.
-    jumped = mean_of_swings(monitor) - monitor.before
     answered = monitor.relative_now - monitor.relative
     residual = jumped + (answered if answered * monitor.jump_sign < 0.0 else 0.0)
     if residual * monitor.jump_sign < 0.0:

@@ -105,6 +105,7 @@ ACCELERATION = np.dtype(
         ("jump_noise", LEARNT_NOISE),
         ("jumped_for", "i8"),
         ("jump_sign", "f8"),
+        ("relative_before", "f8"),
         ("before", "f8"),
         ("report_off", "f8"),
         ("report_noise", LEARNT_NOISE),
@@ -180,7 +181,8 @@ def restart_acceleration(monitor):
     monitor.own_slow = np.nan
     start_ring(monitor.own_recent, BASELINE_DELAY)
     monitor.report_off = 0.0
-    monitor.relative_then = monitor.relative_now = monitor.relative_slow = monitor.before = 0.0
+    monitor.relative_then = monitor.relative_now = monitor.relative_slow = 0.0
+    monitor.before = monitor.relative_before = 0.0
     monitor.relative, monitor.radar_gone = 0.0, RADAR_GONE
     monitor.jumped_for, monitor.jump_sign = 0, 0.0
     monitor.rough_for = 0.0
