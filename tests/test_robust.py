@@ -1,7 +1,7 @@
 """The robust profile without ROS: what it says to each input, at, below and above its limits."""
 
 from copy import copy, deepcopy
-from math import hypot, isnan, nan, pi, sin
+from math import exp, hypot, isnan, nan, pi, sin
 from random import Random
 
 import numpy as np
@@ -621,6 +621,31 @@ def test_without_host_speed_a_cars_own_braking_is_no_fault() -> None:
         car.velocity -= 0.01 * braking
         car.step(acceleration=braking)
     assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize("late", [0, 15])
+@pytest.mark.parametrize("lead_brakes", [0.0, -3.0])
+def test_without_host_speed_brakes_that_come_on_at_once_are_no_fault(late, lead_brakes) -> None:
+    """The radar sees it later, and the lead may brake meanwhile."""
+    car = Car(host_speed=False)
+    car.drive(8.0)
+    start, seen = car.number, [0.0] * (late + 1)
+    for k in range(150):
+        braking = -9.0 * (1.0 - exp(-0.01 * k / 0.15))
+        seen.append(lead_brakes * min(k / 40, 1.0) - braking)
+        car.velocity += 0.01 * seen[-1 - late]
+        car.step(acceleration=braking)
+    assert not car.faults_since(start)
+
+
+def test_without_host_speed_what_comes_on_like_brakes_and_is_not_answered_is_found() -> None:
+    car = Car(host_speed=False)
+    car.drive(8.0)
+    start = car.number
+    for k in range(100):
+        car.step(acceleration=-9.0 * (1.0 - exp(-0.01 * k / 0.15)))
+    assert 0.5 < car.delay("acceleration", start) < 0.9
+    assert car.faults_since(start) == {"acceleration"}
 
 
 def test_the_leads_word_finds_what_nothing_else_does() -> None:

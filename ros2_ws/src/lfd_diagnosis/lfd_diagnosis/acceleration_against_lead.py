@@ -64,8 +64,9 @@ LEAP, LEAP_SHARE = 2, 0.75
 """Steps within which an offset jumps, and share of all that has changed by then; brakes that come on
 go on for longer."""
 
-ANSWERED_SHARE = 0.6
-"""Share of a jump that the observers answer if it is the car's own."""
+ANSWERED_SHARE, BRAKES_SHARE = 0.5, 0.3
+"""Share of a jump that the observers answer if it is the car's own, and of one that goes on as
+brakes do: behind a lead that brakes as well they see but the rest."""
 
 OWN_SHARE = 0.7
 """Share of its difference from the lead's word that the accelerometer must have made itself."""
@@ -211,6 +212,12 @@ def ends_braking(monitor):
 
 
 @inner
+def waits(monitor):
+    """Whether a jump is not judged before the observers have had the time to answer it."""
+    return monitor.jumped_for >= JUMP_MEMORY
+
+
+@inner
 def _leapt(monitor):
     """Whether what jumped did so from one moment to the next, as brakes do not."""
     samples, sign = monitor.samples, monitor.jump_sign
@@ -224,7 +231,8 @@ def _leapt(monitor):
 def _is_answered(monitor, jumped):
     """Whether the observers have surely answered a jump, in the mean: single ones swing as far."""
     answered = monitor.relative_slow - monitor.relative_before
-    return -monitor.jump_sign * answered > ANSWERED_SHARE * jumped
+    share = BRAKES_SHARE if waits(monitor) else ANSWERED_SHARE
+    return -monitor.jump_sign * answered > share * jumped
 
 
 @inner
@@ -248,8 +256,7 @@ def _against_observers(monitor, settings, relative_velocity):
     jumped = mean_of_swings(monitor) - monitor.before
     if _is_answered(monitor, max(abs(jumped), 0.8 * limit)):
         monitor.jumped_for = 0
-    waits = monitor.jumped_for >= JUMP_MEMORY
-    if waits or (ends_braking(monitor) and not is_nearing(relative_velocity)):
+    if waits(monitor) or (ends_braking(monitor) and not is_nearing(relative_velocity)):
         # A car that comes to rest jerks back: it takes the radar a moment to see it stand.
         monitor.confidence = 0
         return

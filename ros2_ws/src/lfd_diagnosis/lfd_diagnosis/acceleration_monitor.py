@@ -14,6 +14,7 @@ from lfd_diagnosis.acceleration_against_lead import (
     is_resting,
     mean_of_swings,
     newest_mean,
+    waits,
 )
 from lfd_diagnosis.acceleration_against_speed import (
     against_speed,
@@ -117,8 +118,8 @@ def follow_acceleration(monitor, settings, horizon):
         monitor.acceleration = speed.derivative
     elif usable and not monitor.faulty:
         ended = came_to_rest(speed) or (monitor.jumped_for and ends_braking(monitor))
-        if ended and is_full(monitor.samples):
-            # Nothing ends as suddenly as that: a filter would brake on.
+        if (ended or waits(monitor)) and is_full(monitor.samples):
+            # No fault begins so slowly, or ends as suddenly as that: a filter would be late.
             monitor.acceleration = newest_mean(monitor) - monitor.slope
         elif not monitor.jumped_for:
             # While a jump is being looked into, what was before it.
