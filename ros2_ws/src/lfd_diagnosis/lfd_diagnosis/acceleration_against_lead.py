@@ -61,8 +61,8 @@ BRAKED, RELEASED, ANSWER = 1.5, 1.0, 50
 afterwards is its end, and steps after which radar and observers have surely answered it."""
 
 LEAP, LEAP_SHARE = 2, 0.75
-"""Steps within which an offset jumps, and share of all that has changed by then; brakes that come on
-go on for longer."""
+"""Steps within which an offset jumps, and share of all that has changed by then; brakes that come
+on go on for longer."""
 
 ANSWERED_SHARE, BRAKES_SHARE = 0.5, 0.3
 """Share of a jump that the observers answer if it is the car's own, and of one that goes on as
