@@ -180,6 +180,16 @@ def not_seeing(samples: Sequence[Sample], share: float) -> list[Sample]:
     return [unseen(s) if s.input == RADAR and random.random() < share else s for s in samples]
 
 
+@pytest.mark.parametrize(("share", "least", "most"), [(0.05, 0.9, 0.95), (0.2, 0.4, 0.6)])
+def test_a_lead_that_is_often_lost_is_seldom_judged(
+    share: float, least: float, most: float
+) -> None:
+    samples = not_seeing(generate_drive("data-1", 1, "esr").samples, share)
+    rows = np.concatenate(list(OfflineGraph(graph_settings("robust")).rows(samples)))
+    assert least < (rows["outcome"]["clearance"]["state"] == State.OK).mean() < most
+    assert not faults(samples)
+
+
 @pytest.mark.parametrize("share", [0.01, 0.05])
 def test_a_lead_that_is_lost_for_a_scan_is_the_same_one(share: float) -> None:
     """What is faulty about it is over with the fault, and then it is judged at once."""
