@@ -1194,6 +1194,23 @@ def test_a_lead_that_rests_after_a_moment_unseen_is_no_held_clearance(standing: 
     assert not standing.faults_since(start)
 
 
+@pytest.mark.parametrize("off", [0.9, 3.7])
+def test_without_host_speed_one_scan_convicts_no_relative_velocity_that_rests(off: float) -> None:
+    """Behind a standing lead it says zero for long."""
+    car = Car(host_speed=False)
+    car.drive(12.0)
+    start, still = car.number, {"relative_velocity_is": 0.0}
+    car.drive(4.0, **still)
+    car.drive(0.05, clearance=off, **still)
+    car.drive(2.0, **still)
+    assert not car.faults_since(start)
+    # What goes on being off is not the relative velocity's rest.
+    for _ in range(200):
+        car.velocity = 2.0
+        car.step(**still)
+    assert "relative_velocity" in car.faults_since(start)
+
+
 @pytest.mark.parametrize(
     ("shift", "relative_velocity", "faulty"),
     [

@@ -254,7 +254,7 @@ def _against_observers(monitor, settings, relative_velocity):
     monitor.jumped_for -= 1
     # A jump that the observers answer with the opposite one is the car's own.
     jumped = mean_of_swings(monitor) - monitor.before
-    if _is_answered(monitor, max(abs(jumped), 0.8 * limit)):
+    if abs(jump) <= limit and _is_answered(monitor, max(abs(jumped), 0.8 * limit)):
         monitor.jumped_for = 0
     if waits(monitor) or (ends_braking(monitor) and not is_nearing(relative_velocity)):
         # A car that comes to rest jerks back: it takes the radar a moment to see it stand.

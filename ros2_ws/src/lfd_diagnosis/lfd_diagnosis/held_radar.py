@@ -58,7 +58,18 @@ def follow_held_velocity(radar, same):
     radar.clearance_when_held += velocity.value * period
     if clearance.new:
         off = clearance.value - radar.clearance_when_held
-        radar.off_while_held += HELD_SHARE * (off - radar.off_while_held)
+        # Where both cars may stand for long, one scan that is off would tell.
+        told = _nearest_to_zero(off, radar.off_by_last) if isnan(radar.host_speed) else off
+        radar.off_while_held += HELD_SHARE * (told - radar.off_while_held)
+        radar.off_by_last = off
+
+
+@inner
+def _nearest_to_zero(first, second):
+    """What both of them say."""
+    if first * second <= 0.0:
+        return 0.0
+    return first if abs(first) < abs(second) else second
 
 
 @inner
@@ -83,7 +94,7 @@ def begin_to_hold(radar):
     radar.most_changed = abs(radar.changed_while_held)
     radar.held_since = velocity.at
     radar.clearance_when_held = track.clearance - velocity.age * track.velocity
-    radar.off_while_held = 0.0
+    radar.off_while_held = radar.off_by_last = 0.0
 
 
 @inner

@@ -85,6 +85,7 @@ RADAR = np.dtype(
         ("held_since", "f8"),
         ("clearance_when_held", "f8"),
         ("off_while_held", "f8"),
+        ("off_by_last", "f8"),
         ("track_when_held", LEAD_TRACK),
         ("time_while_held", "f8"),
         ("host_gain_while_held", "f8"),
