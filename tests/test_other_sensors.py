@@ -184,7 +184,7 @@ def not_seeing(samples: Sequence[Sample], share: float) -> list[Sample]:
 def test_a_lead_that_is_often_lost_is_seldom_judged(
     share: float, least: float, most: float
 ) -> None:
-    samples = not_seeing(generate_drive("data-1", 1, "esr").samples, share)
+    samples = not_seeing(drive("data-1"), share)
     rows = np.concatenate(list(OfflineGraph(graph_settings("robust")).rows(samples)))
     assert least < (rows["outcome"]["clearance"]["state"] == State.OK).mean() < most
     assert not faults(samples)

@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 import pytest
+from test_other_sensors import faults
 
 from lfd_diagnosis.verdict import VERDICTS, State
 from lfd_mpc.samples import ACCELERATION, INPUTS, RADAR, playing_order
@@ -137,13 +138,7 @@ def test_the_robust_profile_knows_a_car_under_another_id(data: Path, tmp_path: P
 
 def called_faulty(drive: Drive) -> list[tuple[str, str, str]]:
     """What the robust profile says of a drive: its name, signals and reasons."""
-    graph = OfflineGraph(graph_settings("robust"))
-    return [
-        (drive.name, event.signal, event.fault.reason)
-        for rows in graph.rows(drive.samples)
-        for event in graph.events(rows)
-        if event.fault.state == State.FAULT
-    ]
+    return [(drive.name, e.signal, e.fault.reason) for e in faults(drive.samples)]
 
 
 def test_no_track_of_the_recorded_radar_is_called_faulty(data: Path) -> None:
@@ -185,14 +180,7 @@ def test_a_drive_played_backward_is_another_drive_of_the_same_sensors(data: Path
 def test_a_real_radar_that_says_the_same_for_a_while_is_not_held(data, number, fault) -> None:
     drive = track_drive(data, number)
     samples = FaultInjector(parse_faults([f"offset:{fault}"]), drive.zero, 1).apply(drive.samples)
-    graph = OfflineGraph(graph_settings("robust"))
-    said = {
-        event.signal
-        for rows in graph.rows(samples)
-        for event in graph.events(rows)
-        if event.fault.state == State.FAULT
-    }
-    assert said == {"clearance", "radar"}
+    assert {event.signal for event in faults(samples)} == {"clearance", "radar"}
 
 
 def test_traffic_is_seen_by_the_recorded_sensors_as_the_seed_has_it(data: Path) -> None:
@@ -208,9 +196,7 @@ def test_traffic_is_seen_by_the_recorded_sensors_as_the_seed_has_it(data: Path) 
 
 @pytest.mark.parametrize("name", ["traffic-02", "traffic-05", "traffic-68"])
 def test_traffic_with_its_stops_raises_no_fault(data: Path, name: str) -> None:
-    graph = OfflineGraph(graph_settings("robust"))
-    for rows in graph.rows(recorded_sensors_drive(data, name, 1).samples):
-        assert not [e for e in graph.events(rows) if e.fault.state == State.FAULT]
+    assert not faults(recorded_sensors_drive(data, name, 1).samples)
 
 
 @pytest.mark.parametrize(
@@ -222,14 +208,12 @@ def test_an_acceleration_that_jumps_on_a_rough_road_is_told_at_once(
 ) -> None:
     """A bump widens the limits, but does not last."""
     drive = recorded_sensors_drive(data, name, seed)
-    faults = parse_faults([f"offset:acceleration=4@{start}-{start + 4}"])
-    samples = FaultInjector(faults, drive.zero, 1).apply(drive.samples)
-    graph = OfflineGraph(graph_settings("robust"))
+    injected = parse_faults([f"offset:acceleration=4@{start}-{start + 4}"])
+    samples = FaultInjector(injected, drive.zero, 1).apply(drive.samples)
     found = [
         (event.stamp - drive.zero) * 1e-9
-        for rows in graph.rows(samples)
-        for event in graph.events(rows)
-        if event.signal == "acceleration" and event.fault.state == State.FAULT
+        for event in faults(samples)
+        if event.signal == "acceleration"
     ]
     assert len(found) == 1
     assert start < found[0] < start + 0.125

@@ -99,7 +99,7 @@ def main() -> int:
     started = time.perf_counter()
     # The robust profile takes two thirds of the time, all else the rest.
     with workers(2) as pool:
-        parts = [pool.submit(_profile, name) for name in ("robust", "paper")]
+        parts = [pool.submit(_profile, name) for name in PROFILES]
         parts.append(pool.submit(_outside_a_profile))
         for part in parts:
             part.result()

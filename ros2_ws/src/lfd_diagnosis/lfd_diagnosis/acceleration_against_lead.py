@@ -257,7 +257,7 @@ def _against_observers(monitor, settings, relative_velocity):
     if abs(jump) <= limit and _is_answered(monitor, max(abs(jumped), 0.8 * limit)):
         monitor.jumped_for = 0
     if waits(monitor) or (ends_braking(monitor) and not is_nearing(relative_velocity)):
-        # A car that comes to rest jerks back: it takes the radar a moment to see it stand.
+        # It takes the radar a moment to see brakes come on, or a car that jerks back as it stops.
         monitor.confidence = 0
         return
     answered = monitor.relative_now - monitor.relative

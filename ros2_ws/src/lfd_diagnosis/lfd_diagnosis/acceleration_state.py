@@ -105,8 +105,8 @@ ACCELERATION = np.dtype(
         ("jump_noise", LEARNT_NOISE),
         ("jumped_for", "i8"),
         ("jump_sign", "f8"),
-        ("relative_before", "f8"),
         ("before", "f8"),
+        ("relative_before", "f8"),
         ("report_off", "f8"),
         ("report_noise", LEARNT_NOISE),
         # The newest verdict.
@@ -135,7 +135,8 @@ ACCELERATION = np.dtype(
 """State of the acceleration signal; `acceleration` (m/s^2) is how the host really accelerates.
 
 `taken` (m/s^2): the newest sample that was taken; while newer ones leap from it, since `leapt_at`
-(s), they are `doubted`. `shaking` (m/s^2): the deviation of single samples just now, by the
+(s), they are `doubted`. `before`, `relative_before` (m/s^2): the samples and `relative_slow` as a
+jump without host speed began. `shaking` (m/s^2): the deviation of single samples just now, by the
 `newest` ones.
 """
 

@@ -58,7 +58,8 @@ def follow_held_velocity(radar, same):
     radar.clearance_when_held += velocity.value * period
     if clearance.new:
         off = clearance.value - radar.clearance_when_held
-        # Where both cars may stand for long, one scan that is off would tell.
+        # Where both cars may stand for long, one scan that is off must not tell; with a host speed,
+        # which knows a car that stands, waiting for a second one would only be late.
         told = _nearest_to_zero(off, radar.off_by_last) if isnan(radar.host_speed) else off
         radar.off_while_held += HELD_SHARE * (told - radar.off_while_held)
         radar.off_by_last = off

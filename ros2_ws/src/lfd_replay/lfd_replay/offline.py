@@ -63,7 +63,7 @@ def _fill(row, mpc, said):
     row.horizon, row.outcome = mpc.horizon, said
     row.status, row.text, row.restart = mpc.status, mpc.inputs.text, mpc.inputs.restart
     # One by one: to assign a slice takes seconds more to compile.
-    for k in range(2):
+    for k in range(len(row.restart_values)):
         row.restart_values[k] = mpc.inputs.restart_values[k]
         row.restart_tracks[k] = mpc.inputs.restart_tracks[k]
 
