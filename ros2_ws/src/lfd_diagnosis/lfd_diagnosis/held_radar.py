@@ -14,6 +14,7 @@ from lfd_diagnosis.healthy_signal import (
 from lfd_diagnosis.lead_track import predict_track, set_clearance
 from lfd_diagnosis.radar_signal import is_bad, is_held
 from lfd_diagnosis.radar_state import SLOW, WANDERING, is_either_held, wander_of
+from lfd_diagnosis.travelled_path import drift_rate
 from lfd_mpc.compiled import inner
 
 HELD_PATH, HELD_SIGMA, HELD_STEPS = 0.45, 4.0, 3.0
@@ -24,6 +25,10 @@ HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 
 """What tells that a relative velocity which repeats itself should have changed: m/s, and steps of
 its resolution, by host and lead, and m/s^2 of doubt about the lead after a second; or deviations of
 the clearance's noise by which that leaves the path, filtered by a share."""
+
+LEAPT, LEAPT_CHANCE = 0.15, 1e-3
+"""m/s by which a relative velocity must leap to zero, beyond what is known of it, and probability
+below which it then repeats that by coincidence: both together are rarer still."""
 
 BLIND_DOUBT = 0.5
 """m/s^2 of doubt about the host while nothing but its accelerometer tells how it moves."""
@@ -92,6 +97,7 @@ def begin_to_hold(radar):
     vague = EXPECTED_SIGMA * sqrt(track.vv)
     beyond = expected - max(-vague, min(vague, expected))
     radar.changed_while_held = beyond if velocity.value == 0.0 else 0.0
+    radar.leapt_to_zero = abs(radar.changed_while_held) > LEAPT
     radar.most_changed = abs(radar.changed_while_held)
     radar.held_since = velocity.at
     radar.clearance_when_held = track.clearance - velocity.age * track.velocity
@@ -132,6 +138,8 @@ def is_stuck(radar, settings, signal, of_clearance, changed):
     if not of_clearance:
         if _has_left(radar, settings) and velocity_seems_held(radar):
             return True
+        if radar.leapt_to_zero and _stays_at_zero(signal.repetition):
+            return True
         if isnan(radar.host_speed) and abs(radar.measured_velocity.value) < AT_REST:
             # Both cars may stand.
             return False
@@ -142,9 +150,18 @@ def is_stuck(radar, settings, signal, of_clearance, changed):
 
 
 @inner
+def _stays_at_zero(repetition):
+    """Whether a relative velocity that leapt there is still zero."""
+    return repetition.run >= max(repetition.least, run_by_chance(repetition, LEAPT_CHANCE))
+
+
+@inner
 def _repeats_itself(radar):
     """Whether the radar says the same again and again: one signal does, the other since then."""
     own, other = radar.clearance.repetition, radar.velocity.repetition
+    if own.value == 0.0 and other.value != 0.0:
+        # No radar that stopped: it never said that.
+        return False
     apart = other.run - own.run
     together = -run_by_chance(own, CHANCE) <= apart <= run_by_chance(other, CHANCE)
     return is_either_held(radar) and together
@@ -187,7 +204,14 @@ def _has_left(radar, settings):
     if not _is_followed(radar):
         return False
     held_for = velocity.last_at - radar.held_since
-    beside = sqrt(clearance.noise.variance + WANDERING * wander_of(radar, settings))
+    # Over a moment it does not wander as far as over a whole window.
+    wandered = wander_of(radar, settings) * min(held_for / settings.drift_window, 1.0)
+    beside = sqrt(clearance.noise.variance + WANDERING * wandered)
     off = HELD_OFF * beside + 0.5 * resolution_of(velocity.roughness) * held_for
     off += 0.5 * resolution_of(clearance.roughness)
-    return abs(radar.off_while_held) > off
+    left = radar.off_while_held
+    if abs(left) > off:
+        # What had been leaving it before leaves it for another reason.
+        rate = drift_rate(radar.path, radar.held_since)
+        left = _nearest_to_zero(left, left - rate * held_for)
+    return abs(left) > off

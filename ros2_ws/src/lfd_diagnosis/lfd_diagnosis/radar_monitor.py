@@ -229,8 +229,10 @@ def _scan(radar, settings, track_id):
     )
     whole = clearance.new and velocity.new
     period = clearance.at - radar.clearance.last_at
-    # What was travelled while nothing was seen is hardly known.
-    if same_clearance and radar.has_track and not radar.velocity.faulty and period < LARGEST_GAP:
+    unheard = clearance.at - radar.velocity.last_at
+    # What was travelled while nothing was seen, or nothing heard of how fast, is hardly known.
+    followed = not radar.velocity.faulty and max(period, unheard) < LARGEST_GAP
+    if same_clearance and radar.has_track and followed:
         radar.travelled_while_held += radar.track.velocity * period
     else:
         radar.travelled_while_held = 0.0

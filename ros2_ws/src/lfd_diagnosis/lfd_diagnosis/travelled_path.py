@@ -24,6 +24,9 @@ AVERAGED = 5.0
 LEAST_TIME, LEAST_POINTS = 1.0, 10
 """Seconds of path from which on it is judged, and points from which it is explained."""
 
+RATE_TIME = 1.0
+"""Seconds over which it is seen how fast the two come apart."""
+
 LARGEST_GAP = 0.5
 """Seconds without a scan after which the path begins anew."""
 
@@ -217,6 +220,18 @@ def _level(path, start):
         total += points[k, 1]
         count += 1
     return total / count
+
+
+@inner
+def drift_rate(path, time):
+    """How fast the two came apart (m/s) in the second before a time in s; 0 where little is
+    known."""
+    known = time - path.points[path.first, 0] if path.count else 0.0
+    known = min(known - MEAN, RATE_TIME)
+    if known < MEAN:
+        return 0.0
+    last = _level(path, time - MEAN)
+    return (last - _level(path, time - MEAN - known)) / known
 
 
 @inner
