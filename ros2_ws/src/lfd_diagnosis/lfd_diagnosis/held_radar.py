@@ -100,7 +100,7 @@ def begin_to_hold(radar):
     radar.leapt_to_zero = abs(radar.changed_while_held) > LEAPT
     radar.most_changed = abs(radar.changed_while_held)
     radar.held_since = velocity.at
-    radar.clearance_when_held = track.clearance - velocity.age * track.velocity
+    radar.clearance_when_held = track.clearance - velocity.age * track.velocity + radar.beside
     radar.off_while_held = radar.off_by_last = 0.0
 
 
@@ -174,11 +174,18 @@ def should_have_changed(radar, settings, signal, of_clearance):
     if _repeats_itself(radar):
         return True
     if of_clearance:
-        return abs(radar.travelled_while_held) > max(
+        moved = max(
             HELD_PATH,
             HELD_SIGMA * deviation(clearance.noise),
             HELD_STEPS * clearance.roughness.resolution + sqrt(wander_of(radar, settings)),
         )
+        travelled = radar.travelled_while_held
+        if abs(travelled) > moved:
+            # Where the path was wrong before, it is no reason.
+            held_for = clearance.repetition.run * radar.period
+            rate = _rate_before(radar, clearance.last_at - held_for)
+            travelled = _nearest_to_zero(travelled, travelled + rate * held_for)
+        return abs(travelled) > moved
     step, held_for = resolution_of(signal.roughness), signal.last_at - radar.held_since
     known_for = max(radar.held_since - radar.begun_at, 0.0)
     change = max(HELD_CHANGE, CHANGE_STEPS * step) + LEAD_DOUBT * max(held_for - 1.0, 0.0)
@@ -186,6 +193,12 @@ def should_have_changed(radar, settings, signal, of_clearance):
     if isnan(radar.host_speed):
         change += BLIND_DOUBT * held_for
     return radar.most_changed > change or _has_left(radar, settings)
+
+
+@inner
+def _rate_before(radar, time):
+    """How fast clearance and path came apart (m/s) before one of the signals was held."""
+    return drift_rate(radar.path, radar.clearance.noise.variance, time)
 
 
 @inner
@@ -212,6 +225,6 @@ def _has_left(radar, settings):
     left = radar.off_while_held
     if abs(left) > off:
         # What had been leaving it before leaves it for another reason.
-        rate = drift_rate(radar.path, radar.held_since)
+        rate = _rate_before(radar, radar.held_since)
         left = _nearest_to_zero(left, left - rate * held_for)
     return abs(left) > off

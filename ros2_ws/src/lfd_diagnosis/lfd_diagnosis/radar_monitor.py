@@ -92,6 +92,9 @@ from lfd_mpc.settings import STEP_S
 BIAS_SCANS = 40
 """Scans over which it is averaged by how much the clearance lies beside the track for good."""
 
+BESIDE_SHARE = 0.4
+"""Share of a scan in what the clearance lately lay beside the track."""
+
 ROUGH_CLEARANCE, ROUGH_VELOCITY = 0.4, 0.2
 """Second differences in m and m/s that are not called rough, however smooth the radar was."""
 
@@ -370,8 +373,9 @@ def _judge(radar, settings, repeated):
         then = velocity_then(track, age, track.acceleration - radar.host)
         correct_velocity(track, measured_velocity.value - then, velocity.noise.variance)
     if has_clearance and good_clearance and not is_radar_faulty(radar):
-        then = clearance_then(track, age, relative)
-        clearance.bias += (measured_clearance.value - then - clearance.bias) / BIAS_SCANS
+        beside = measured_clearance.value - clearance_then(track, age, relative)
+        clearance.bias += (beside - clearance.bias) / BIAS_SCANS
+        radar.beside += BESIDE_SHARE * (beside - radar.beside)
     if not (has_clearance and has_velocity):
         return
     if not is_radar_faulty(radar):

@@ -87,6 +87,7 @@ RADAR = np.dtype(
         ("clearance_when_held", "f8"),
         ("off_while_held", "f8"),
         ("off_by_last", "f8"),
+        ("beside", "f8"),
         ("track_when_held", LEAD_TRACK),
         ("time_while_held", "f8"),
         ("host_gain_while_held", "f8"),
@@ -107,7 +108,7 @@ RADAR = np.dtype(
 track as it was at `before_at` (s), when the last scan was not yet taken. While it is `unseen` the
 radar says that it sees no lead; `followed`: scans that it was seen in, less what was lost of it.
 
-`shifted_at` (s) is when the clearance last went over to another part of the car behind a faulty
+`beside` (m) is what the clearance lately lay beside the track. `shifted_at` (s) is when the clearance last went over to another part of the car behind a faulty
 relative velocity; `agreed_clearance` (m) is what was measured when that began to agree again,
 `agreed_path` (m) the path that it makes since.
 """
@@ -144,7 +145,7 @@ def start_target(radar, settings):
     radar.slow_acceleration = radar.slower_acceleration = settings.lead_acceleration_mean
     radar.host = radar.travelled_while_held = 0.0
     radar.lead_when_held = radar.changed_while_held = radar.most_changed = 0.0
-    radar.clearance_when_held = radar.off_while_held = 0.0
+    radar.clearance_when_held = radar.off_while_held = radar.beside = 0.0
     radar.leapt_to_zero = False
     radar.shifted_at = -np.inf
     clear_path(radar.path)

@@ -24,8 +24,9 @@ AVERAGED = 5.0
 LEAST_TIME, LEAST_POINTS = 1.0, 10
 """Seconds of path from which on it is judged, and points from which it is explained."""
 
-RATE_TIME = 1.0
-"""Seconds over which it is seen how fast the two come apart."""
+RATE_TIME, RATE_DOUBT = 1.0, 2.0
+"""Seconds over which it is seen how fast the two come apart, and deviations of the clearance's
+noise that may be all of it."""
 
 LARGEST_GAP = 0.5
 """Seconds without a scan after which the path begins anew."""
@@ -36,7 +37,7 @@ ONSETS = 12
 STEP_SEARCH, STEP_SHARE = 0.3, 0.6
 """Seconds around the onset in which a step of the velocity is looked for, and its least share."""
 
-DOUBT, PATIENCE = 0.6, 2.2
+DOUBT, PATIENCE = 0.4, 2.2
 """Ratio of two explanations' errors above which neither is clearly better, and limits to wait."""
 
 PLAIN = 2.0
@@ -223,15 +224,17 @@ def _level(path, start):
 
 
 @inner
-def drift_rate(path, time):
-    """How fast the two came apart (m/s) in the second before a time in s; 0 where little is
-    known."""
+def drift_rate(path, noise, time):
+    """How fast the two surely came apart (m/s) in the second before a time in s, the clearance's
+    noise having that variance in m^2; 0 where little is known."""
     known = time - path.points[path.first, 0] if path.count else 0.0
     known = min(known - MEAN, RATE_TIME)
     if known < MEAN:
         return 0.0
     last = _level(path, time - MEAN)
-    return (last - _level(path, time - MEAN - known)) / known
+    rate = (last - _level(path, time - MEAN - known)) / known
+    doubt = RATE_DOUBT * noise**0.5 / known
+    return rate - max(-doubt, min(doubt, rate))
 
 
 @inner
