@@ -37,8 +37,11 @@ ONSETS = 12
 STEP_SEARCH, STEP_SHARE = 0.3, 0.6
 """Seconds around the onset in which a step of the velocity is looked for, and its least share."""
 
-DOUBT, PATIENCE = 0.4, 2.2
-"""Ratio of two explanations' errors above which neither is clearly better, and limits to wait."""
+DOUBT = 0.6
+"""Ratio of two explanations' errors above which neither is clearly better."""
+
+CLEAR, PATIENCE = 0.4, 2.2
+"""The same for who drifts, just beyond the limit, and limits from which on the better one counts."""
 
 PLAIN = 2.0
 """Deviations of the clearance's noise that a path may lie off its explanation in the mean, where
@@ -372,7 +375,9 @@ def explain_drift(path, settings, reach, excess, held, noise, drift):
         return
     if _is_sudden(times, off):
         return
-    plain = better <= n * PLAIN * PLAIN * noise and better <= DOUBT * worse
+    # The farther they come apart, the less doubt is left.
+    ratio = CLEAR + (1.0 - CLEAR) * (excess - 1.0) / (PATIENCE - 1.0)
+    plain = better <= n * PLAIN * PLAIN * noise and better <= ratio * worse
     if not plain and excess < PATIENCE:
         return
     if bend_error < line_error:
