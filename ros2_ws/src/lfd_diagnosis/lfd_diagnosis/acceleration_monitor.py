@@ -38,6 +38,7 @@ from lfd_diagnosis.healthy_signal import (
     append,
     as_measured,
     at,
+    deviation,
     excuse_repetition,
     filter_share,
     is_frozen,
@@ -90,6 +91,9 @@ SELDOM = 0.03
 HELD_CHANGE, HELD_STEPS = 0.2, 2.5
 """m/s^2, and steps of its resolution, by which the speed's derivative must change while the
 accelerometer repeats itself."""
+
+ZERO_SIGMA = 2.0
+"""Deviations of the slow mean by which a zero may be what speed and slope say."""
 
 SECOND_DIFFERENCES = 6.0
 """How much larger than the variance of a white noise that of its second differences is."""
@@ -265,7 +269,12 @@ def _should_have_changed(monitor, settings, usable, relative_velocity):
         return isnan(speed.last) and is_nearing(relative_velocity)
     change = max(HELD_CHANGE, HELD_STEPS * resolution_of(monitor.roughness))
     change += allowance_of(monitor, settings)
-    return abs(speed.derivative - monitor.derivative_when_held) > change
+    if abs(speed.derivative - monitor.derivative_when_held) > change:
+        return True
+    # What is held was measured once; a zero was not.
+    zero_for = speed.derivative + monitor.slope
+    doubt = ZERO_SIGMA * deviation(monitor.slow_noise)
+    return monitor.repetition.value == 0.0 and abs(zero_for) > change + doubt
 
 
 @inner

@@ -41,7 +41,8 @@ DOUBT = 0.6
 """Ratio of two explanations' errors above which neither is clearly better."""
 
 CLEAR, PATIENCE = 0.4, 2.2
-"""The same for who drifts, just beyond the limit, and limits from which on the better one counts."""
+"""The same for who drifts, where the limit is just exceeded, and limits from which on the better
+explanation counts."""
 
 PLAIN = 2.0
 """Deviations of the clearance's noise that a path may lie off its explanation in the mean, where
