@@ -45,8 +45,9 @@ changed and where nothing says so."""
 NO_CHANCE = 2.0
 """How many times longer than chance would have it the longest run of a healthy signal is."""
 
-UNCHANGED = 4.0
-"""How many times longer a run must be while the signal had no reason to change."""
+UNCHANGED, UNCHANGED_NOISY = 4.0, 3.0
+"""How many times longer a run must be while the signal had no reason to change, and where noise
+changes it all the time."""
 
 OFTEN = 0.25
 """Share of equal samples above which it is no noise that makes the others differ."""
@@ -291,7 +292,8 @@ def is_frozen(repetition, should_change):
         odd = min(1.5 * repetition.longest_odd + 2.0, chance)
         return repetition.odd >= odd and repetition.run >= max(longest, chance)
     longest = max(2.0 * repetition.longest + 2.0, run_by_chance(repetition, REMOTE))
-    return repetition.run >= UNCHANGED * longest
+    times = UNCHANGED if repeats_by_itself(repetition) else UNCHANGED_NOISY
+    return repetition.run >= times * longest
 
 
 @inner

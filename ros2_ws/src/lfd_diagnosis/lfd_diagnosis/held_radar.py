@@ -26,9 +26,10 @@ HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 
 its resolution, by host and lead, and m/s^2 of doubt about the lead after a second; or deviations of
 the clearance's noise by which that leaves the path, filtered by a share."""
 
-LEAPT, LEAPT_CHANCE = 0.15, 1e-3
-"""m/s by which a relative velocity must leap to zero, beyond what is known of it, and probability
-below which it then repeats that by coincidence: both together are rarer still."""
+LEAPT, LEAPT_STEPS, LEAPT_CHANCE = 0.15, 2.0, 1e-3
+"""m/s, and steps of its resolution, by which a relative velocity must leap to zero, beyond what is
+known of it, and probability below which it then repeats that by coincidence: both together are
+rarer still."""
 
 BLIND_DOUBT = 0.5
 """m/s^2 of doubt about the host while nothing but its accelerometer tells how it moves."""
@@ -97,10 +98,14 @@ def begin_to_hold(radar):
     vague = EXPECTED_SIGMA * sqrt(track.vv)
     beyond = expected - max(-vague, min(vague, expected))
     radar.changed_while_held = beyond if velocity.value == 0.0 else 0.0
-    radar.leapt_to_zero = abs(radar.changed_while_held) > LEAPT
+    leap = max(LEAPT, LEAPT_STEPS * resolution_of(radar.velocity.roughness))
+    radar.leapt_to_zero = abs(radar.changed_while_held) > leap
     radar.most_changed = abs(radar.changed_while_held)
     radar.held_since = velocity.at
-    radar.clearance_when_held = track.clearance - velocity.age * track.velocity + radar.beside
+    # What it lay beside the track before, beyond its noise, is no reason either.
+    noise = deviation(radar.clearance.noise)
+    beside = radar.beside - max(-noise, min(noise, radar.beside))
+    radar.clearance_when_held = track.clearance - velocity.age * track.velocity + beside
     radar.off_while_held = radar.off_by_last = 0.0
 
 
@@ -138,11 +143,11 @@ def is_stuck(radar, settings, signal, of_clearance, changed):
     if not of_clearance:
         if _has_left(radar, settings) and velocity_seems_held(radar):
             return True
-        if radar.leapt_to_zero and _stays_at_zero(signal.repetition):
-            return True
         if isnan(radar.host_speed) and abs(radar.measured_velocity.value) < AT_REST:
             # Both cars may stand.
             return False
+        if radar.leapt_to_zero and _stays_at_zero(signal.repetition):
+            return True
         if not changed and _is_followed(radar) and repeats_by_itself(signal.repetition):
             # What it repeats is still true.
             return False

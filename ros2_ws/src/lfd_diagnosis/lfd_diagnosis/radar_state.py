@@ -108,9 +108,9 @@ RADAR = np.dtype(
 track as it was at `before_at` (s), when the last scan was not yet taken. While it is `unseen` the
 radar says that it sees no lead; `followed`: scans that it was seen in, less what was lost of it.
 
-`beside` (m) is what the clearance lately lay beside the track. `shifted_at` (s) is when it last went
-over to another part of the car behind a faulty relative velocity; `agreed_clearance` (m) is what was
-measured when that began to agree again, `agreed_path` (m) the path that it makes since.
+`beside` (m) is what the clearance lately lay beside the track. `shifted_at` (s) is when it last
+went over to another part of the car behind a faulty relative velocity; `agreed_clearance` (m) is
+what was measured when that began to agree again, `agreed_path` (m) the path that it makes since.
 """
 
 
