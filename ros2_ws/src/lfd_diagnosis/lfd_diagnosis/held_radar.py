@@ -222,9 +222,7 @@ def _has_left(radar, settings):
     if not _is_followed(radar):
         return False
     held_for = velocity.last_at - radar.held_since
-    # Over a moment it does not wander as far as over a whole window.
-    wandered = wander_of(radar, settings) * min(held_for / settings.drift_window, 1.0)
-    beside = sqrt(clearance.noise.variance + WANDERING * wandered)
+    beside = sqrt(clearance.noise.variance + WANDERING * wander_of(radar, settings))
     off = HELD_OFF * beside + 0.5 * resolution_of(velocity.roughness) * held_for
     off += 0.5 * resolution_of(clearance.roughness)
     left = radar.off_while_held
