@@ -96,13 +96,22 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
     if recorded:
         of_recorded = partial(judges.judge_rebuilt, recorded=True)
         for name, values in plan.COMBINATIONS.items():
-            runs = plan.real(extent, values, signed=False)
+            runs = plan.real(extent, "offset", values, signed=False)
             add(f"real leads: {name}", runs, judges.judge_long)
             add(f"real leads: {name}, rebuilt", plan.as_driven(runs), of_recorded)
         for signal in plan.OFFSETS:
-            runs = plan.real(extent, ((signal, 2.0),), signed=True)
+            runs = plan.real(extent, "offset", ((signal, 2.0),), signed=True)
             add(f"real leads: {signal} +-2", runs, partial(judges.judge_offset, size=2.0))
             add(f"real leads: {signal} +-2, rebuilt", plan.as_driven(runs), of_recorded)
+        for kind, judge in JUDGES.items():
+            for signal, value in KINDS[kind].items():
+                length, signed = _length_of(kind)
+                runs = plan.real(extent, kind, ((signal, value),), signed, length)
+                add(
+                    f"real leads: {kind} {signal}",
+                    runs,
+                    partial(judges.judge_kind, as_elsewhere=judge),
+                )
         title = "other sensors of the recorded car"
         add(f"{title}: healthy", plan.views(extent, True), judges.judge_healthy)
         # Without host speed it takes a lead to be ready.
@@ -123,7 +132,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
             runs = plan.faults_in_traffic(extent, "offset", values, len(values) == 1)
             add(f"recorded sensors in traffic: {name}", runs, judges.judge_in_traffic)
         for kind, judge in {**JUDGES, "dropout": judges.judge_blame}.items():
-            in_traffic_too = partial(judges.judge_kind_in_traffic, judge_kind=judge)
+            in_traffic_too = partial(judges.judge_kind_in_traffic, as_elsewhere=judge)
             for signal, value in KINDS[kind].items():
                 length, signed = _length_of(kind)
                 runs = plan.faults_in_traffic(extent, kind, ((signal, value),), signed, length)

@@ -176,18 +176,29 @@ def judge_in_traffic(judge: Judge) -> None:
         delays = judge.found(signal, 0.99)
         most = 0.300 if signal == "acceleration" else 0.200
         judge.middle(f"{signal}, median delay", delays, most)
-        clear = [_clear_within(m, 1.5) for m in judge.of(signal) if m["delay"] is not None]
-        judge.share(f"{signal} clear within 1.5 s", clear, 0.99)
+    _over(judge)
     judge.no_blame(0.98)
 
 
-def judge_kind_in_traffic(judge: Judge, judge_kind: Callable[[Judge], None]) -> None:
+def judge_kind_in_traffic(judge: Judge, as_elsewhere: Callable[[Judge], None]) -> None:
     """Other kinds of fault while targets come and go, judged as elsewhere where one target goes on;
     a figure of the blame wherever they do not."""
     right = [not w["blamed"] for w in judge.windows]
     judge.share("no healthy signal blamed, whatever the target", right, 0.98, needed=False)
     judge.windows = [w for w in judge.windows if w["one_target"]]
-    judge_kind(judge)
+    as_elsewhere(judge)
+    _over(judge)
+
+
+def judge_kind(judge: Judge, as_elsewhere: Callable[[Judge], None]) -> None:
+    """Another kind of fault, judged as elsewhere, and how soon it is over."""
+    as_elsewhere(judge)
+    _over(judge)
+    judge.no_false_events()
+
+
+def _over(judge: Judge) -> None:
+    """Every fault that was found is over soon after its end."""
     for signal in judge.signals():
         clear = [_clear_within(m, 1.5) for m in judge.of(signal) if m["delay"] is not None]
         judge.share(f"{signal} clear within 1.5 s", clear, 0.99)
