@@ -240,3 +240,48 @@ def test_whatever_is_nearest_in_a_lane_is_healthy(data: Path, lane: str) -> None
     """Targets come and go, and take each other's ids."""
     made = run_windows(Run(lane, 0), data)["robust"]
     assert not any(made["false"].values()) and made["ready"]["clearance"] > 0.5
+
+
+@pytest.mark.parametrize(
+    ("view", "number", "fault", "named"),
+    [
+        # Its relative velocity says the same ten times beside a clearance of zero.
+        ("", 2, "zero:clearance@14-18", {"clearance", "radar"}),
+        # So does this one, while its clearance already drifts.
+        ("", 1, "ramp:clearance=0.5@11-19", {"clearance", "radar"}),
+        ("backward ", 3, "ramp:relative_velocity=0.5@11-19", {"relative_velocity", "radar"}),
+        # A clearance of a steady target, of which nobody says how fast it is.
+        ("backward ", 3, "dropout:relative_velocity@8-12", set()),
+    ],
+)
+def test_what_a_real_radar_repeats_blames_nobody_but_the_faulty_signal(
+    data, view, number, fault, named
+) -> None:
+    drive = track_drive(data, number)
+    drive = backward(drive) if view else drive
+    samples = FaultInjector(parse_faults([fault]), drive.zero, 1).apply(drive.samples)
+    said = faults(samples)
+    assert {event.signal for event in said if event.fault.state == State.FAULT} == named
+
+
+@pytest.mark.parametrize(
+    ("view", "number", "fault"),
+    [
+        ("", 0, "zero:relative_velocity@44-48"),
+        ("backward ", 0, "zero:relative_velocity@14-18"),
+        ("backward ", 0, "zero:acceleration@20-24"),
+        ("", 2, "zero:acceleration@17-21"),
+    ],
+)
+def test_a_real_sensor_that_falls_to_zero_is_told_within_half_a_second(
+    data, view, number, fault
+) -> None:
+    """Below the limits of an offset: zero is not what it would have said."""
+    drive = track_drive(data, number)
+    drive = backward(drive) if view else drive
+    (injected,) = parse_faults([fault])
+    samples = FaultInjector([injected], drive.zero, 1).apply(drive.samples)
+    event = faults(samples)[0]
+    assert event.signal in injected.signals and "the same value" in event.fault.reason
+    delay = event.stamp - drive.zero - injected.start
+    assert delay <= 0.5e9

@@ -1685,6 +1685,17 @@ def test_a_steady_lead_behind_a_faulty_clearance_is_no_held_radar(offset) -> Non
     assert car.faults_since(start) - {"radar"} == {"clearance"}
 
 
+def test_one_step_of_a_coarse_relative_velocity_is_no_leap_to_zero() -> None:
+    """Such a sensor says zero for seconds."""
+    car = Car()
+    for k in range(500):
+        car.drive(0.05, relative_velocity_is=-0.25 if k % 8 == 0 else 0.0)
+    start = car.number
+    car.drive(0.25, relative_velocity_is=-0.25)
+    car.drive(2.5, relative_velocity_is=0.0)
+    assert not car.faults_since(start)
+
+
 @pytest.mark.parametrize("offset", [2.0, -2.0])
 def test_a_fault_soon_after_the_start_is_seen_and_hides_no_other(offset) -> None:
     car = Car()
