@@ -64,6 +64,7 @@ def follow_held_velocity(radar, same):
     radar.clearance_when_held += velocity.value * period
     if clearance.new:
         off = clearance.value - radar.clearance_when_held
+        off = _nearest_to_zero(off, off - radar.beside_when_held)
         # Where both cars may stand for long, one scan that is off must not tell; with a host speed,
         # which knows a car that stands, waiting for a second one would only be late.
         told = _nearest_to_zero(off, radar.off_by_last) if isnan(radar.host_speed) else off
@@ -102,10 +103,10 @@ def begin_to_hold(radar):
     radar.leapt_to_zero = abs(radar.changed_while_held) > leap
     radar.most_changed = abs(radar.changed_while_held)
     radar.held_since = velocity.at
-    # What it lay beside the track before, beyond its noise, is no reason either.
+    radar.clearance_when_held = track.clearance - velocity.age * track.velocity
+    # What it lay beside the track before, beyond its noise, is no reason.
     noise = deviation(radar.clearance.noise)
-    beside = radar.beside - max(-noise, min(noise, radar.beside))
-    radar.clearance_when_held = track.clearance - velocity.age * track.velocity + beside
+    radar.beside_when_held = radar.beside - max(-noise, min(noise, radar.beside))
     radar.off_while_held = radar.off_by_last = 0.0
 
 

@@ -88,6 +88,7 @@ RADAR = np.dtype(
         ("off_while_held", "f8"),
         ("off_by_last", "f8"),
         ("beside", "f8"),
+        ("beside_when_held", "f8"),
         ("track_when_held", LEAD_TRACK),
         ("time_while_held", "f8"),
         ("host_gain_while_held", "f8"),
@@ -145,7 +146,8 @@ def start_target(radar, settings):
     radar.slow_acceleration = radar.slower_acceleration = settings.lead_acceleration_mean
     radar.host = radar.travelled_while_held = 0.0
     radar.lead_when_held = radar.changed_while_held = radar.most_changed = 0.0
-    radar.clearance_when_held = radar.off_while_held = radar.beside = 0.0
+    radar.clearance_when_held = radar.off_while_held = 0.0
+    radar.beside = radar.beside_when_held = 0.0
     radar.leapt_to_zero = False
     radar.shifted_at = -np.inf
     clear_path(radar.path)
