@@ -24,7 +24,7 @@ from lfd_mpc.sampling import push_sample, restart_reason
 from lfd_observer.bank import BankState, ObserverBank, bank_step
 from lfd_replay.profiles import GraphSettings
 
-CHUNK = 4096
+CHUNK = 512
 """Rows that are filled at once."""
 
 
