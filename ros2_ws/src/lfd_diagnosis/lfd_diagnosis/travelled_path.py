@@ -233,7 +233,7 @@ def drift_rate(path, noise, time):
     noise having that variance in m^2; 0 where little is known."""
     known = time - path.points[path.first, 0] if path.count else 0.0
     known = min(known - MEAN, RATE_TIME)
-    if known < MEAN:
+    if known < MEAN or path.then < time - MEAN:
         return 0.0
     last = _level(path, time - MEAN)
     rate = (last - _level(path, time - MEAN - known)) / known
