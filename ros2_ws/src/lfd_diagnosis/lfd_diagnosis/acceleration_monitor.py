@@ -35,6 +35,7 @@ from lfd_diagnosis.evidence import Ground, give_ground, is_exceeded
 from lfd_diagnosis.healthy_signal import (
     POSSIBLE_JERK,
     SAME_STAMP,
+    UNCHANGED,
     append,
     as_measured,
     at,
@@ -42,11 +43,13 @@ from lfd_diagnosis.healthy_signal import (
     excuse_repetition,
     filter_share,
     is_frozen,
+    is_frozen_for,
     is_full,
     is_new,
     is_rough,
     mean_of,
     note_change,
+    repeats_by_itself,
     resolution_of,
     rough_share,
     take_repetition,
@@ -91,6 +94,10 @@ SELDOM = 0.03
 HELD_CHANGE, HELD_STEPS = 0.2, 2.5
 """m/s^2, and steps of its resolution, by which the speed's derivative must change while the
 accelerometer repeats itself."""
+
+UNCHANGED_NOISY = 3.0
+"""How many times longer than chance would have it a noisy accelerometer must repeat itself without
+a reason to change."""
 
 ZERO_SIGMA = 2.0
 """Deviations of the slow mean by which a zero may be what speed and slope say."""
@@ -228,9 +235,11 @@ def judge_acceleration(
     should_change = _should_have_changed(monitor, settings, usable, relative_velocity)
     if monitor.fresh:
         note_change(monitor.repetition, should_change)
+    # Where noise changes it all the time, a car that moves makes it repeat nothing for long.
+    unchanged = UNCHANGED if repeats_by_itself(monitor.repetition) else UNCHANGED_NOISY
     frozen = (
         settings.check_repetition
-        and is_frozen(monitor.repetition, should_change)
+        and is_frozen_for(monitor.repetition, should_change, unchanged)
         # A car that may stand repeats itself for as long as it stands.
         and (not is_standing(speed) if usable else should_change)
     )

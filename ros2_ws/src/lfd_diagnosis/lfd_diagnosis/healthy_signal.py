@@ -45,9 +45,8 @@ changed and where nothing says so."""
 NO_CHANCE = 2.0
 """How many times longer than chance would have it the longest run of a healthy signal is."""
 
-UNCHANGED, UNCHANGED_NOISY = 4.0, 3.0
-"""How many times longer a run must be while the signal had no reason to change, and where noise
-changes it all the time."""
+UNCHANGED = 4.0
+"""How many times longer a run must be while the signal had no reason to change."""
 
 OFTEN = 0.25
 """Share of equal samples above which it is no noise that makes the others differ."""
@@ -278,7 +277,13 @@ def start_repetition(repetition, least):
 
 @inner
 def is_frozen(repetition, should_change):
-    """Whether the run is longer than any healthy one could be; false while little is known.
+    """Whether the run is longer than any healthy one could be; false while little is known."""
+    return is_frozen_for(repetition, should_change, UNCHANGED)
+
+
+@inner
+def is_frozen_for(repetition, should_change, unchanged):
+    """The same; `unchanged`: how many times longer a run must be without a reason to change.
 
     A filter inside the sensor may say the same for longer than chance would: where nothing says
     that the value `should_change`, the run must be far longer.
@@ -292,8 +297,7 @@ def is_frozen(repetition, should_change):
         odd = min(1.5 * repetition.longest_odd + 2.0, chance)
         return repetition.odd >= odd and repetition.run >= max(longest, chance)
     longest = max(2.0 * repetition.longest + 2.0, run_by_chance(repetition, REMOTE))
-    times = UNCHANGED if repeats_by_itself(repetition) else UNCHANGED_NOISY
-    return repetition.run >= times * longest
+    return repetition.run >= unchanged * longest
 
 
 @inner
