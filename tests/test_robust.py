@@ -302,6 +302,48 @@ def test_a_relative_velocity_that_repeats_itself_must_have_had_to_change(
     assert car.faults_since(start) - {"radar"} == faulty
 
 
+class CoarseCar(Car):
+    """Its radar says the relative velocity in steps of 0.25 m/s."""
+
+    def step(self, **faults: float) -> Outcome:
+        said = 0.25 * round(self.velocity / 0.25)
+        return super().step(**{"relative_velocity_is": said, **faults})
+
+    def wave(self, seconds: float) -> None:
+        """The lead now speeds up, now slows down, and ends as fast as it began."""
+        steps = round(seconds * 100)
+        for k in range(steps):
+            self.lead_acceleration = 1.5 * sin(2.0 * pi * k * round(seconds / 4.0) / steps)
+            self.step()
+        self.lead_acceleration = 0.0
+
+
+@pytest.mark.parametrize("off", [4.0, -6.0])
+def test_one_scan_that_is_off_convicts_no_relative_velocity_that_repeats_itself(off: float) -> None:
+    car = CoarseCar()
+    car.wave(40.0)
+    start = car.number
+    car.drive(5.0)
+    car.drive(0.05, clearance=off)
+    assert car.drive(5.0).report.clearance.state == State.OK
+    assert car.faults_since(start) == set()
+
+
+def test_a_clearance_that_stays_refutes_what_was_expected_of_the_lead() -> None:
+    """The lead ends its braking as it is just as fast as the host."""
+    car = CoarseCar()
+    car.wave(40.0)
+    start = car.number
+    for car.lead_acceleration, seconds in ((1.0, 1.6), (-0.8, 2.0), (0.0, 15.0)):
+        car.drive(seconds)
+    assert car.faults_since(start) == set()
+    # A lead that brakes from then on is missed, however long that was true.
+    start, car.lead_acceleration = car.number, -1.0
+    car.drive(2.0, relative_velocity_is=0.0)
+    assert car.faults_since(start) - {"radar"} == {"relative_velocity"}
+    assert car.delay("relative_velocity", start) <= 1.8
+
+
 def test_short_holds_that_nobody_could_tell_do_not_excuse_a_long_one(car: Car) -> None:
     for scans in (6, 8, 10, 12, 14, 16, 18, 20, 24):
         start, held = car.number, car.velocity

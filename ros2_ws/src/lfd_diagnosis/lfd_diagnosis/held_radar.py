@@ -26,6 +26,10 @@ HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 
 its resolution, by host and lead, and m/s^2 of doubt about the lead after a second; or deviations of
 the clearance's noise by which that leaves the path, filtered by a share."""
 
+REFUTED = 2.0
+"""Times that by which the clearance may be off by itself, by which it must have been expected to be
+off before it says anything that it is not."""
+
 LEAPT, LEAPT_STEPS, LEAPT_CHANCE = 0.15, 2.0, 1e-3
 """m/s, and steps of its resolution, by which a relative velocity must leap to zero, beyond what is
 known of it, and probability below which it then repeats that by coincidence: both together are
@@ -48,7 +52,7 @@ TAKEN_BACK = 2.0
 
 
 @inner
-def follow_held_velocity(radar, same):
+def follow_held_velocity(radar, settings, same):
     """What a relative velocity that repeats itself leaves unsaid: by what was expected of it, host
     and lead going on as they did, and by the clearance."""
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
@@ -61,15 +65,21 @@ def follow_held_velocity(radar, same):
         lead = max(lead, 0.0)
     radar.changed_while_held += (lead - radar.host) * period
     radar.most_changed = max(radar.most_changed, abs(radar.changed_while_held))
+    radar.expected_off += radar.changed_while_held * period
     radar.clearance_when_held += velocity.value * period
     if clearance.new:
         off = clearance.value - radar.clearance_when_held
         off = _nearest_to_zero(off, off - radar.beside_when_held)
-        # Where both cars may stand for long, one scan that is off must not tell; with a host speed,
-        # which knows a car that stands, waiting for a second one would only be late.
-        told = _nearest_to_zero(off, radar.off_by_last) if isnan(radar.host_speed) else off
+        # One scan that jumps tells nothing, nor does any alone where both cars may stand for long;
+        # with a host speed, which knows a car that stands, waiting for a second one would only be
+        # late.
+        alone = abs(off - radar.off_by_last) > radar.clearance.limit or isnan(radar.host_speed)
+        told = _nearest_to_zero(off, radar.off_by_last) if alone else off
         radar.off_while_held += HELD_SHARE * (told - radar.off_while_held)
         radar.off_by_last = off
+        if _is_refuted(radar, settings):
+            # What it said so far was right.
+            begin_to_hold(radar)
 
 
 @inner
@@ -99,15 +109,16 @@ def begin_to_hold(radar):
     vague = EXPECTED_SIGMA * sqrt(track.vv)
     beyond = expected - max(-vague, min(vague, expected))
     radar.changed_while_held = beyond if velocity.value == 0.0 else 0.0
-    leap = max(LEAPT, LEAPT_STEPS * resolution_of(radar.velocity.roughness))
-    radar.leapt_to_zero = abs(radar.changed_while_held) > leap
     radar.most_changed = abs(radar.changed_while_held)
+    leap = max(LEAPT, LEAPT_STEPS * resolution_of(radar.velocity.roughness))
+    radar.leapt_to_zero = radar.most_changed > leap
+    radar.velocity.repetition.odd = 0
     radar.held_since = velocity.at
     radar.clearance_when_held = track.clearance - velocity.age * track.velocity
     # What it lay beside the track before, beyond its noise, is no reason.
     noise = deviation(radar.clearance.noise)
     radar.beside_when_held = radar.beside - max(-noise, min(noise, radar.beside))
-    radar.off_while_held = radar.off_by_last = 0.0
+    radar.expected_off = radar.off_while_held = radar.off_by_last = 0.0
 
 
 @inner
@@ -217,16 +228,33 @@ def _is_followed(radar):
 
 
 @inner
-def _has_left(radar, settings):
-    """Whether the clearance has left the path of a relative velocity that repeats itself."""
-    clearance, velocity = radar.clearance, radar.velocity
+def _usually_off(radar, settings, held_for):
+    """How far (m) the clearance may be off the path of a relative velocity that repeats itself
+    rightly."""
+    beside = sqrt(radar.clearance.noise.variance + WANDERING * wander_of(radar, settings))
+    off = HELD_OFF * beside + 0.5 * resolution_of(radar.velocity.roughness) * held_for
+    return off + 0.5 * resolution_of(radar.clearance.roughness)
+
+
+@inner
+def _is_refuted(radar, settings):
+    """Whether the clearance says that the relative velocity did not change as was expected: it
+    should have left the path by far, and has not."""
     if not _is_followed(radar):
         return False
-    held_for = velocity.last_at - radar.held_since
-    beside = sqrt(clearance.noise.variance + WANDERING * wander_of(radar, settings))
-    off = HELD_OFF * beside + 0.5 * resolution_of(velocity.roughness) * held_for
-    off += 0.5 * resolution_of(clearance.roughness)
-    left = radar.off_while_held
+    held_for = radar.velocity.last_at - radar.held_since
+    expected, left = radar.expected_off, radar.off_while_held
+    far = abs(expected) > REFUTED * _usually_off(radar, settings, held_for)
+    return far and left * expected < 0.5 * expected * expected
+
+
+@inner
+def _has_left(radar, settings):
+    """Whether the clearance has left the path of a relative velocity that repeats itself."""
+    if not _is_followed(radar):
+        return False
+    held_for = radar.velocity.last_at - radar.held_since
+    off, left = _usually_off(radar, settings, held_for), radar.off_while_held
     if abs(left) > off:
         # What had been leaving it before leaves it for another reason.
         rate = _rate_before(radar, radar.held_since)

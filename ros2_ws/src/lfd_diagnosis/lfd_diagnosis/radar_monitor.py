@@ -239,7 +239,7 @@ def _scan(radar, settings, track_id):
         radar.travelled_while_held += radar.track.velocity * period
     else:
         radar.travelled_while_held = 0.0
-    follow_held_velocity(radar, same_velocity)
+    follow_held_velocity(radar, settings, same_velocity)
     if not radar.has_track:
         if whole:
             begin_target(radar, settings, track_id)

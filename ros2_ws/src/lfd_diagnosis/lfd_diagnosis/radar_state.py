@@ -82,6 +82,7 @@ RADAR = np.dtype(
         ("slower_lead_when_held", "f8"),
         ("changed_while_held", "f8"),
         ("most_changed", "f8"),
+        ("expected_off", "f8"),
         ("leapt_to_zero", "?"),
         ("held_since", "f8"),
         ("clearance_when_held", "f8"),
@@ -146,7 +147,7 @@ def start_target(radar, settings):
     radar.slow_acceleration = radar.slower_acceleration = settings.lead_acceleration_mean
     radar.host = radar.travelled_while_held = 0.0
     radar.lead_when_held = radar.changed_while_held = radar.most_changed = 0.0
-    radar.clearance_when_held = radar.off_while_held = 0.0
+    radar.clearance_when_held = radar.off_while_held = radar.expected_off = 0.0
     radar.beside = radar.beside_when_held = 0.0
     radar.leapt_to_zero = False
     radar.shifted_at = -np.inf
