@@ -1371,6 +1371,49 @@ def test_an_emergency_stop_to_rest_is_no_fault(car: Car, late: int) -> None:
     assert report.acceleration.state == State.OK
 
 
+@pytest.mark.parametrize("host_speed", [True, False])
+@pytest.mark.parametrize(
+    ("radar_late", "host_late", "phase"), [(0, 12, 0), (0, 16, 8), (20, 0, 3), (20, 0, 5)]
+)
+def test_an_emergency_stop_behind_a_car_at_rest_is_no_fault_of_a_slow_radar(
+    host_speed: bool, radar_late: int, host_late: int, phase: int
+) -> None:
+    """Braking ends at once; radar and host tell of it at different times."""
+    car = Car(host_speed=host_speed)
+    car.clearance, car.velocity = 300.0, -15.0
+    seen = [(car.clearance, car.velocity)] * (radar_late + 1)
+    felt = [(0.0, car.speed)] * (host_late + 1)
+
+    def drive(steps: int, braking: float, **faults: float) -> None:
+        for _ in range(steps):
+            change = max(0.01 * braking, -car.speed)
+            car.speed += change
+            car.velocity -= change
+            seen.append((car.clearance, car.velocity))
+            felt.append((100.0 * change, car.speed))
+            (clearance, velocity), (acceleration, speed) = seen.pop(0), felt.pop(0)
+            # At 10 Hz.
+            car.radar_silent = car.number % (2 * SCAN) >= SCAN
+            noise = car.random.normal(size=2).tolist()
+            car.step(
+                acceleration=acceleration,
+                host_speed_is=speed,
+                clearance_is=clearance + 0.05 * noise[0],
+                relative_velocity_is=velocity + 0.03 * noise[1] + faults.get("velocity", 0.0),
+            )
+
+    drive(1500 + phase, 0.0)
+    start = car.number
+    for braking in np.linspace(0.0, -9.5, 45).tolist():
+        drive(1, braking)
+    drive(250, -9.5)
+    assert car.faults_since(start) == set()
+    # A fault is seen as soon as ever.
+    start = car.number
+    drive(50, 0.0, velocity=2.0)
+    assert car.delay("relative_velocity", start) <= 0.2
+
+
 @pytest.mark.parametrize("value", [0.0, 1e6, -1e300])
 def test_an_accelerometer_that_wakes_up_late_is_healthy_from_then_on(value: float) -> None:
     """What it said before is no slope, and says nothing of how rough it is."""

@@ -52,6 +52,7 @@ from lfd_diagnosis.healthy_signal import (
     repeats_by_itself,
     resolution_of,
     rough_share,
+    share_of,
     take_repetition,
     take_roughness,
 )
@@ -95,6 +96,10 @@ HELD_CHANGE, HELD_STEPS = 0.2, 2.5
 """m/s^2, and steps of its resolution, by which the speed's derivative must change while the
 accelerometer repeats itself."""
 
+BRAKED, BRAKING_FADES, ENDS = 4.0, share_of(0.2), 0.5
+"""m/s^2 of braking whose sudden end, as when the car comes to rest, radar and accelerometer tell
+at different times; share by which it is forgotten in a step, and share of it left when it ends."""
+
 UNCHANGED_NOISY = 3.0
 """How many times longer than chance would have it a noisy accelerometer must repeat itself without
 a reason to change."""
@@ -137,6 +142,21 @@ def follow_acceleration(monitor, settings, horizon):
             monitor.acceleration = at(monitor.before_jump, 0)
     else:
         monitor.acceleration *= LEAD_KEEP
+    _follow_braking(monitor, as_measured(horizon.measured_acceleration) if usable else np.nan)
+
+
+@inner
+def _follow_braking(monitor, value):
+    """How hard the host lately braked, and whether that may have ended at once; the newest sample
+    in m/s^2, NaN if there is none."""
+    monitor.braked *= 1.0 - BRAKING_FADES
+    monitor.jolt = 0.0
+    if isnan(value):
+        return
+    monitor.braked = max(monitor.braked, monitor.slope - monitor.filtered)
+    ends = monitor.slope - value < ENDS * monitor.braked
+    if monitor.braked > BRAKED and (ends or came_to_rest(monitor.speed)):
+        monitor.jolt = monitor.braked
 
 
 @inner

@@ -54,6 +54,8 @@ BEFORE_JUMP = 8
 ACCELERATION = np.dtype(
     [
         ("acceleration", "f8"),
+        ("braked", "f8"),
+        ("jolt", "f8"),
         # The samples.
         ("last_at", "f8"),
         ("fresh", "?"),
@@ -132,7 +134,8 @@ ACCELERATION = np.dtype(
     ],
     align=True,
 )
-"""State of the acceleration signal; `acceleration` (m/s^2) is how the host really accelerates.
+"""State of the acceleration signal; `acceleration` (m/s^2) is how the host really accelerates,
+`braked` how hard it lately braked, and `jolt` the same while that may have ended at once.
 
 `taken` (m/s^2): the newest sample that was taken; while newer ones leap from it, since `leapt_at`
 (s), they are `doubted`. `before`, `relative_before` (m/s^2): the samples and `relative_slow` as a
@@ -188,6 +191,7 @@ def restart_acceleration(monitor):
     monitor.jumped_for, monitor.jump_sign = 0, 0.0
     monitor.rough_for = 0.0
     monitor.shaken, monitor.shaking = False, 0.0
+    monitor.braked = monitor.jolt = 0.0
     start_ring(monitor.newest, NEWEST)
     monitor.acceleration = 0.0
 

@@ -113,6 +113,9 @@ SAME_SCAN = 1.5
 CLEARANCE_STD, VELOCITY_STD = 0.22, 0.3
 """How well a track is known, in m and m/s, that a contradiction was explained with."""
 
+LATE = 0.1
+"""Seconds by which radar and host may differ in when a sudden change came."""
+
 SHIFT_AGAIN = 1.0
 """Seconds in which a radar goes over to another part of the car but once."""
 
@@ -139,16 +142,23 @@ def coast_radar(radar, settings, host_acceleration):
 
 @inner
 def follow_radar(
-    radar, settings, horizon, host_acceleration, lead_acceleration, host_speed, host_moves
+    radar,
+    settings,
+    horizon,
+    host_acceleration,
+    host_jolt,
+    lead_acceleration,
+    host_speed,
+    host_moves,
 ):
     """Take one step's measurements.
 
-    The host's acceleration in m/s^2 as best known; the lead's, NaN unless the lead says it; the
-    host's speed in m/s, NaN unless it is believed, and whether it surely moves, so that equal
-    samples mean something.
+    The host's acceleration in m/s^2 as best known, and by how much it may just have changed at
+    once; the lead's, NaN unless the lead says it; the host's speed in m/s, NaN unless it is
+    believed, and whether it surely moves, so that equal samples mean something.
     """
     now = horizon.stamp * 1e-9
-    radar.host_speed, radar.host_moves = host_speed, host_moves
+    radar.host_speed, radar.host_moves, radar.host_jolt = host_speed, host_moves, host_jolt
     if not horizon.has_target and not keeps_target(radar, settings, now):
         if radar.has_track:
             change_target(radar, now)
@@ -197,6 +207,7 @@ def _predict(radar, settings, host_acceleration, lead_acceleration):
             inform(track, lead_acceleration, settings.lead_report_std)
     mean = settings.lead_acceleration_mean
     predict_track(track, STEP_S, host_acceleration, keep, mean, jerk)
+    track.vv += LATE * STEP_S * radar.host_jolt**2
     radar.host_path_while_held += STEP_S * (
         radar.host_gain_while_held + 0.5 * STEP_S * host_acceleration
     )

@@ -160,7 +160,8 @@ def robust_step(state, settings, horizon, relative_acceleration, outcome):
     told = lead.acceleration if is_trusted(lead, settings) else np.nan
     moves = not is_standing(acceleration.speed)
     speed = acceleration.speed.last if is_usable(acceleration.speed, settings) else np.nan
-    follow_radar(radar, settings, horizon, acceleration.acceleration, told, speed, moves)
+    host, jolt = acceleration.acceleration, acceleration.jolt
+    follow_radar(radar, settings, horizon, host, jolt, told, speed, moves)
     # What the observers make of a radar that is not to be believed is not to be believed either.
     seen = horizon.has_target and is_ready(radar)
     believed = seen and not is_radar_faulty(radar)

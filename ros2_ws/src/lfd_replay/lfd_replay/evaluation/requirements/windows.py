@@ -285,7 +285,7 @@ def _window(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
         and not view.silent["clearance"][around].any(),
         "blamed": [
             name
-            for name in JUDGED
+            for name in WATCHED
             if name not in fault.signals and (view.flags[name] & watched).any()
         ],
         "rebuilt": _rebuilt(view, healthy, fault, inside, times, start),
