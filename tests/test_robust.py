@@ -426,6 +426,29 @@ def test_a_rough_speed_is_the_roads_fault_for_a_while_for_not_every_acceleromete
     assert car.outcomes[-1].report.host_speed.state == State.OK
 
 
+@pytest.mark.parametrize("ages", [(0,), (0, 5)])
+@pytest.mark.parametrize(("noise", "faults"), [(0.0, set()), (0.2, {"host_speed"})])
+def test_a_seldom_speed_is_not_rough_because_the_car_brakes_hard(
+    ages: tuple[int, ...], noise: float, faults: set
+) -> None:
+    """At 10 Hz, or in a table at 10 Hz of which every other value is half a sample old."""
+    car = Car()
+    speeds, said = [30.0] * 6, 30.0
+    braking = [0.0] * 6000
+    for jerk in (-8.0, 0.0, 8.0):
+        braking += [braking[-1] + 0.01 * jerk * k for k in range(1, 111)]
+    for acceleration in braking + [0.0] * 300:
+        speeds.append(speeds[-1] + 0.01 * acceleration)
+        if car.number % 10 == 0:
+            age = ages[car.number // 10 % len(ages)]
+            said = speeds[-1 - age] + 0.003 * car.random.normal()
+            if len(speeds) > len(braking):
+                said += noise * car.random.normal()
+        car.speed = speeds[-1]
+        car.step(acceleration=acceleration, host_speed_is=said)
+    assert car.faults_since(0) == faults
+
+
 def test_a_clearance_of_which_scans_are_missing_is_not_rough_for_that(car: Car) -> None:
     """A lead that is neared by 15 m/s is somewhere else after a scan that is missing."""
     car.clearance, car.velocity, car.track_id = 200.0, -15.0, 2

@@ -62,6 +62,9 @@ steps a wheel that was shaken is not believed to the last."""
 POSSIBLE_ACCELERATION = 15.0
 """m/s^2 that a car may reach, a crash apart."""
 
+BENDS = 2.0
+"""How much more a speed may bend than what is felt, filtered, says."""
+
 JERK_FILTER = 0.15
 """Time constant in s of the filter whose derivative is the jerk."""
 
@@ -119,12 +122,14 @@ HOST_SPEED = np.dtype(
         ("largest_jerk", "f8"),
         ("rattles_for", "i8"),
         ("followed", "f8"),
+        ("felt", "f8"),
     ],
     align=True,
 )
 """Derivative (m/s^2) of the host's speed, as long as its samples make sense.
 
-`same`: samples in a row that are equal, those of a car that seems to stand, too. `doubt` (m/s) is
+`same`: samples in a row that are equal, those of a car that seems to stand, too; `felt` (m/s^2):
+how the host accelerated at the newest one. `doubt` (m/s) is
 what the newest one, seen at `seen_at`, jumps by alone so far, NaN if it does not; `last` is of
 `last_at`, before it. `refresh` (s): how long the sensor, or a table it was put into, says each
 value again and again; it changed at `changed_at`.
@@ -162,7 +167,7 @@ def lose_speed(speed):
     """No sample, or none that is new enough."""
     speed.last, speed.last_at = np.nan, -np.inf
     speed.seen_at, speed.changed_at, speed.doubt = -np.inf, -np.inf, np.nan
-    speed.rough_for, speed.same = 0.0, 0
+    speed.rough_for, speed.same, speed.felt = 0.0, 0, 0.0
     _stop_following(speed)
 
 
@@ -313,9 +318,21 @@ def _possible_jump(speed, period):
 
 
 @inner
+def _possible_bend(period, acceleration, before):
+    """Second difference (m/s) that a car makes between samples so far apart (s), by what it feels
+    and felt at the one before (m/s^2). A table may hold values that are older than it says, now
+    more, now less, by a sample each."""
+    late = period if period > OFTEN else 0.0
+    return BENDS * (period * abs(acceleration - before) + late * abs(acceleration))
+
+
+@inner
 def _take(speed, settings, at, value, acceleration, shaken):
-    healthy = not speed.faulty
-    take_roughness(speed.roughness, at, value, healthy and not is_standing(speed), 0.0)
+    healthy, moves = not speed.faulty, not is_standing(speed)
+    period = min(at - speed.last_at, 1.0)
+    possible = _possible_bend(period, acceleration, speed.felt)
+    speed.felt = acceleration
+    take_roughness(speed.roughness, at, value, healthy and moves, possible)
     if is_standing(speed):
         excuse_repetition(speed.repetition, speed.faulty)
     was_held = speed_seems_held(speed, False)
@@ -324,7 +341,6 @@ def _take(speed, settings, at, value, acceleration, shaken):
     if not equal:
         speed.derivative_when_held = speed.derivative
         _learn_refresh(speed, at, value)
-    period = min(at - speed.last_at, 1.0)
     speed.missed = speed.missed + acceleration * period if equal else 0.0
     speed.held_for = speed.held_for + period if equal else 0.0
     if isfinite(speed.last):
