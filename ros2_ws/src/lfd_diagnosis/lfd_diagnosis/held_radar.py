@@ -146,11 +146,17 @@ def take_back_held(radar, settings, age):
 
 
 @inner
+def may_both_stand(radar):
+    """Whether both cars may stand: then a relative velocity is the same for long."""
+    return not radar.host_moves and abs(radar.measured_velocity.value) < AT_REST
+
+
+@inner
 def is_stuck(radar, settings, signal, of_clearance, changed):
     """A value repeated for too long, or though it should have `changed`."""
     if of_clearance and not _repeats_itself(radar):
         return changed and is_held(signal)
-    if not radar.host_moves:
+    if may_both_stand(radar) or (of_clearance and not radar.host_moves):
         return False
     if not of_clearance:
         if _has_left(radar, settings) and velocity_seems_held(radar):
@@ -245,7 +251,7 @@ def _is_refuted(radar, settings):
     held_for = radar.velocity.last_at - radar.held_since
     expected, left = radar.expected_off, radar.off_while_held
     far = abs(expected) > REFUTED * _usually_off(radar, settings, held_for)
-    return far and left * expected < 0.5 * expected * expected
+    return far and abs(left) < 0.5 * abs(expected)
 
 
 @inner

@@ -22,6 +22,7 @@ from lfd_diagnosis.healthy_signal import (
 from lfd_diagnosis.held_radar import (
     follow_held_velocity,
     is_stuck,
+    may_both_stand,
     should_have_changed,
     take_back_held,
     velocity_seems_held,
@@ -231,8 +232,7 @@ def _scan(radar, settings, track_id):
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
     # Where one of the two is held, the other may be, too.
     held = is_either_held(radar)
-    if not radar.host_moves:
-        # Behind a car that stands, too, the relative velocity is the same for long.
+    if may_both_stand(radar):
         excuse_repetition(radar.velocity.repetition, radar.velocity.faulty)
     learn = radar.host_moves and not held
     same_clearance = clearance.new and take_repetition(
@@ -246,10 +246,11 @@ def _scan(radar, settings, track_id):
     unheard = clearance.at - radar.velocity.last_at
     # What was travelled while nothing was seen, or nothing heard of how fast, is hardly known.
     followed = not radar.velocity.faulty and max(period, unheard) < LARGEST_GAP
-    if same_clearance and radar.has_track and followed:
-        radar.travelled_while_held += radar.track.velocity * period
-    else:
+    if not (same_clearance and radar.has_track and followed):
         radar.travelled_while_held = 0.0
+    elif radar.host_moves or velocity.value != radar.velocity.last:
+        # In front of a car that stands either of two that repeat themselves may be held.
+        radar.travelled_while_held += radar.track.velocity * period
     follow_held_velocity(radar, settings, same_velocity)
     if not radar.has_track:
         if whole:
