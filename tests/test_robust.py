@@ -1244,6 +1244,15 @@ def test_what_shakes_a_standing_car_is_no_fault(standing: Car) -> None:
     assert not standing.faults_since(start)
 
 
+def test_before_a_car_that_stands_a_held_relative_velocity_makes_no_held_clearance(
+    standing: Car,
+) -> None:
+    """It says that the clearance shrinks, which is the same for long, as it should be."""
+    start, clearance = standing.number, standing.clearance
+    standing.drive(5.0, host_speed_is=0.0, relative_velocity_is=-0.15, clearance_is=clearance)
+    assert "clearance" not in standing.faults_since(start)
+
+
 def test_a_lead_that_rests_after_a_moment_unseen_is_no_held_clearance(standing: Car) -> None:
     """How far it went in that moment is a guess as good as how fast it was before."""
     for acceleration in (-1.0, 0.8):

@@ -146,17 +146,11 @@ def take_back_held(radar, settings, age):
 
 
 @inner
-def may_both_stand(radar):
-    """Whether both cars may stand: then a relative velocity is the same for long."""
-    return not radar.host_moves and abs(radar.measured_velocity.value) < AT_REST
-
-
-@inner
 def is_stuck(radar, settings, signal, of_clearance, changed):
     """A value repeated for too long, or though it should have `changed`."""
     if of_clearance and not _repeats_itself(radar):
         return changed and is_held(signal)
-    if may_both_stand(radar) or (of_clearance and not radar.host_moves):
+    if not radar.host_moves:
         return False
     if not of_clearance:
         if _has_left(radar, settings) and velocity_seems_held(radar):

@@ -22,7 +22,6 @@ from lfd_diagnosis.healthy_signal import (
 from lfd_diagnosis.held_radar import (
     follow_held_velocity,
     is_stuck,
-    may_both_stand,
     should_have_changed,
     take_back_held,
     velocity_seems_held,
@@ -232,7 +231,8 @@ def _scan(radar, settings, track_id):
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
     # Where one of the two is held, the other may be, too.
     held = is_either_held(radar)
-    if may_both_stand(radar):
+    if not radar.host_moves:
+        # Behind a car that stands, too, the relative velocity is the same for long.
         excuse_repetition(radar.velocity.repetition, radar.velocity.faulty)
     learn = radar.host_moves and not held
     same_clearance = clearance.new and take_repetition(
