@@ -163,7 +163,8 @@ def faults_in_traffic(
     values: tuple,
     signed: bool,
     length: float = LENGTH,
-    sensor: str = RECORDED_SENSORS,
+    *,
+    sensor: str,
 ) -> list[Run]:
     """Faults in traffic as such sensors see it."""
     names = TRAFFIC[:: 3 * len(NORMAL) // len(extent.normal)]
