@@ -1253,6 +1253,15 @@ def test_before_a_car_that_stands_a_held_relative_velocity_makes_no_held_clearan
     assert "clearance" not in standing.faults_since(start)
 
 
+def test_before_a_car_that_stands_a_clearance_is_held_as_the_lead_drives_off(
+    standing: Car,
+) -> None:
+    start, clearance, standing.lead_acceleration = standing.number, standing.clearance, 1.0
+    standing.drive(2.0, host_speed_is=0.0, clearance_is=clearance)
+    assert standing.faults_since(start) == {"clearance", "radar"}
+    assert standing.outcomes[-1].report.clearance.kind == Kind.HOLD
+
+
 def test_a_lead_that_rests_after_a_moment_unseen_is_no_held_clearance(standing: Car) -> None:
     """How far it went in that moment is a guess as good as how fast it was before."""
     for acceleration in (-1.0, 0.8):
@@ -1416,7 +1425,7 @@ def test_an_emergency_stop_behind_a_car_at_rest_is_no_fault_of_a_slow_radar(
     seen = [(car.clearance, car.velocity)] * (radar_late + 1)
     felt = [(0.0, car.speed)] * (host_late + 1)
 
-    def drive(steps: int, braking: float, **faults: float) -> None:
+    def drive(steps: int, braking: float, off: float = 0.0) -> None:
         for _ in range(steps):
             change = max(0.01 * braking, -car.speed)
             car.speed += change
@@ -1431,7 +1440,7 @@ def test_an_emergency_stop_behind_a_car_at_rest_is_no_fault_of_a_slow_radar(
                 acceleration=acceleration,
                 host_speed_is=speed,
                 clearance_is=clearance + 0.05 * noise[0],
-                relative_velocity_is=velocity + 0.03 * noise[1] + faults.get("velocity", 0.0),
+                relative_velocity_is=velocity + 0.03 * noise[1] + off,
             )
 
     drive(1500 + phase, 0.0)
@@ -1442,7 +1451,7 @@ def test_an_emergency_stop_behind_a_car_at_rest_is_no_fault_of_a_slow_radar(
     assert car.faults_since(start) == set()
     # A fault is seen as soon as ever.
     start = car.number
-    drive(50, 0.0, velocity=2.0)
+    drive(50, 0.0, off=2.0)
     assert car.delay("relative_velocity", start) <= 0.2
 
 

@@ -228,9 +228,10 @@ def _is_followed(radar):
 
 
 @inner
-def _usually_off(radar, settings, held_for):
+def _usually_off(radar, settings):
     """How far (m) the clearance may be off the path of a relative velocity that repeats itself
     rightly."""
+    held_for = radar.velocity.last_at - radar.held_since
     beside = sqrt(radar.clearance.noise.variance + WANDERING * wander_of(radar, settings))
     off = HELD_OFF * beside + 0.5 * resolution_of(radar.velocity.roughness) * held_for
     return off + 0.5 * resolution_of(radar.clearance.roughness)
@@ -242,10 +243,9 @@ def _is_refuted(radar, settings):
     should have left the path by far, and has not."""
     if not _is_followed(radar):
         return False
-    held_for = radar.velocity.last_at - radar.held_since
-    expected, left = radar.expected_off, radar.off_while_held
-    far = abs(expected) > REFUTED * _usually_off(radar, settings, held_for)
-    return far and abs(left) < 0.5 * abs(expected)
+    expected = abs(radar.expected_off)
+    far = expected > REFUTED * _usually_off(radar, settings)
+    return far and abs(radar.off_while_held) < 0.5 * expected
 
 
 @inner
@@ -253,10 +253,10 @@ def _has_left(radar, settings):
     """Whether the clearance has left the path of a relative velocity that repeats itself."""
     if not _is_followed(radar):
         return False
-    held_for = radar.velocity.last_at - radar.held_since
-    off, left = _usually_off(radar, settings, held_for), radar.off_while_held
+    off, left = _usually_off(radar, settings), radar.off_while_held
     if abs(left) > off:
         # What had been leaving it before leaves it for another reason.
+        held_for = radar.velocity.last_at - radar.held_since
         rate = _rate_before(radar, radar.held_since)
         left = _nearest_to_zero(left, left - rate * held_for)
     return abs(left) > off

@@ -134,10 +134,10 @@ square is added to the density of its jerk. A lead that brakes on for seconds is
 
 
 @inner
-def coast_radar(radar, settings, host_acceleration):
+def coast_radar(radar, settings, host_acceleration, host_jolt):
     """One step that nothing is known of, the host accelerating as stated (m/s^2)."""
     if radar.has_track:
-        _predict(radar, settings, host_acceleration, np.nan)
+        _predict(radar, settings, host_acceleration, host_jolt, np.nan)
 
 
 @inner
@@ -158,14 +158,14 @@ def follow_radar(
     believed, and whether it surely moves, so that equal samples mean something.
     """
     now = horizon.stamp * 1e-9
-    radar.host_speed, radar.host_moves, radar.host_jolt = host_speed, host_moves, host_jolt
+    radar.host_speed, radar.host_moves = host_speed, host_moves
     if not horizon.has_target and not keeps_target(radar, settings, now):
         if radar.has_track:
             change_target(radar, now)
         start_target(radar, settings)
         return
     if radar.has_track:
-        _predict(radar, settings, host_acceleration, lead_acceleration)
+        _predict(radar, settings, host_acceleration, host_jolt, lead_acceleration)
     radar.host = host_acceleration
     if not horizon.has_target:
         radar.unseen = True
@@ -196,7 +196,7 @@ def _measure(measured, now, signal, value, age):
 
 
 @inner
-def _predict(radar, settings, host_acceleration, lead_acceleration):
+def _predict(radar, settings, host_acceleration, host_jolt, lead_acceleration):
     track, clearance = radar.track, radar.clearance
     keep, jerk = 1.0, settings.jerk_density
     if radar.velocity.faulty:
@@ -207,7 +207,7 @@ def _predict(radar, settings, host_acceleration, lead_acceleration):
             inform(track, lead_acceleration, settings.lead_report_std)
     mean = settings.lead_acceleration_mean
     predict_track(track, STEP_S, host_acceleration, keep, mean, jerk)
-    track.vv += LATE * STEP_S * radar.host_jolt**2
+    track.vv += LATE * STEP_S * host_jolt**2
     radar.host_path_while_held += STEP_S * (
         radar.host_gain_while_held + 0.5 * STEP_S * host_acceleration
     )

@@ -77,7 +77,6 @@ RADAR = np.dtype(
         ("host", "f8"),
         ("host_moves", "?"),
         ("host_speed", "f8"),
-        ("host_jolt", "f8"),
         ("travelled_while_held", "f8"),
         ("lead_when_held", "f8"),
         ("slower_lead_when_held", "f8"),
@@ -146,7 +145,7 @@ def start_target(radar, settings):
     radar.id = UNKNOWN_TRACK
     radar.remembered_count = 0
     radar.slow_acceleration = radar.slower_acceleration = settings.lead_acceleration_mean
-    radar.host = radar.host_jolt = radar.travelled_while_held = 0.0
+    radar.host = radar.travelled_while_held = 0.0
     radar.lead_when_held = radar.changed_while_held = radar.most_changed = 0.0
     radar.clearance_when_held = radar.off_while_held = radar.expected_off = 0.0
     radar.beside = radar.beside_when_held = 0.0

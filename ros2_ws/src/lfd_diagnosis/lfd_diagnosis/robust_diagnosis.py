@@ -133,7 +133,8 @@ def _follow_time(state, settings, horizon):
     new_lead = horizon.restart and steps == 1
     if had_begun and 1 <= steps <= LARGEST_GAP and (not horizon.restart or new_lead):
         for _ in range(steps - 1):
-            coast_radar(state.radar, settings, state.acceleration.acceleration)
+            host = state.acceleration
+            coast_radar(state.radar, settings, host.acceleration, host.jolt)
         return False
     restart_radar(state.radar, settings)
     restart_acceleration(state.acceleration)

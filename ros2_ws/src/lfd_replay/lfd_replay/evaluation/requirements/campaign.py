@@ -61,21 +61,19 @@ def _length_of(kind: str) -> tuple[float, bool]:
     return (plan.RAMP_LENGTH, True) if kind == "ramp" else (plan.LENGTH, False)
 
 
-def _one_signal_in_traffic(
-    title: str, extent: Extent, sensor: str
-) -> Iterator[tuple[str, list[Run], Callable[[Judge], None]]]:
-    """Titles, runs and judges of faults of one signal in traffic as such sensors see it."""
+def _one_signal_in_traffic(title: str, extent: Extent, sensor: str) -> Iterator[Row]:
+    """Faults of one signal in traffic as such sensors see it."""
     for signal in plan.OFFSETS:
         values = ((signal, 2.0),)
         runs = plan.faults_in_traffic(extent, "offset", values, True, sensor=sensor)
-        yield f"{title}: {signal} +-2", runs, judges.judge_in_traffic
+        yield Row(f"{title}: {signal} +-2", tuple(runs), judges.judge_in_traffic)
     for kind, judge in {**JUDGES, "dropout": judges.judge_blame}.items():
         in_traffic_too = partial(judges.judge_kind_in_traffic, as_elsewhere=judge)
         for signal, value in KINDS[kind].items():
             length, signed = _length_of(kind)
             values = ((signal, value),)
             runs = plan.faults_in_traffic(extent, kind, values, signed, length, sensor=sensor)
-            yield f"{title}: {kind} {signal}", runs, in_traffic_too
+            yield Row(f"{title}: {kind} {signal}", tuple(runs), in_traffic_too)
 
 
 def rows(extent: Extent, recorded: bool) -> list[Row]:
@@ -144,8 +142,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
         runs = plan.faults_in_traffic(extent, "offset", radar, False, sensor=RECORDED_SENSORS)
         name = "clearance and relative velocity"
         add(f"recorded sensors in traffic: {name}", runs, judges.judge_in_traffic)
-        for row in _one_signal_in_traffic("recorded sensors in traffic", extent, RECORDED_SENSORS):
-            add(*row)
+        made += _one_signal_in_traffic("recorded sensors in traffic", extent, RECORDED_SENSORS)
         for name, values in plan.COMBINATIONS.items():
             runs = plan.recorded_sensors(extent, values, signed=False)
             add(f"{title}: {name}", runs, judges.judge_long)
@@ -161,8 +158,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
     for name, values in plan.COMBINATIONS.items():
         runs = plan.faults_in_traffic(extent, "offset", values, False, sensor=RANDOM_SENSORS)
         add(f"{title}: {name}", runs, judges.judge_in_traffic)
-    for row in _one_signal_in_traffic(title, extent, RANDOM_SENSORS):
-        add(*row)
+    made += _one_signal_in_traffic(title, extent, RANDOM_SENSORS)
     held = tuple((signal, None) for signal, _ in radar)
     frozen = plan.spread("hold", held, extent.few, extent.seeds, plan.LENGTH, signed=False)
     add("the whole radar held", frozen, judges.judge_held_radar)
