@@ -123,6 +123,9 @@ DRIFT_SEEN, DRIFT_DOUBT = 1.0, 0.35
 """Seconds in which it is seen how fast a clearance drifts, and share of a jump of the relative
 velocity by which that may differ from it."""
 
+DRIVES_OFF = 0.75
+"""m/s^2 that no relative velocity drifts by."""
+
 ALONE = 0.5
 """Share of the limits within which a scan goes on from before the last one, if that was off."""
 
@@ -248,8 +251,7 @@ def _scan(radar, settings, track_id):
     followed = not radar.velocity.faulty and max(period, unheard) < LARGEST_GAP
     if not (same_clearance and radar.has_track and followed):
         radar.travelled_while_held = 0.0
-    elif radar.host_moves or velocity.value != radar.velocity.last:
-        # In front of a car that stands either of two that repeat themselves may be held.
+    elif radar.host_moves or _drives_off(radar):
         radar.travelled_while_held += radar.track.velocity * period
     follow_held_velocity(radar, settings, same_velocity)
     if not radar.has_track:
@@ -269,6 +271,14 @@ def _scan(radar, settings, track_id):
         radar.clearance.last, radar.clearance.last_at = clearance.value, clearance.at
     if velocity.new:
         radar.velocity.last, radar.velocity.last_at = velocity.value, velocity.at
+
+
+@inner
+def _drives_off(radar):
+    """Whether the lead of a car that stands surely drives off, faster than a relative velocity
+    drifts: else either of the two may be wrong that say that one still stands."""
+    changes = radar.measured_velocity.value != radar.velocity.last
+    return changes and radar.slow_acceleration > DRIVES_OFF
 
 
 @inner
