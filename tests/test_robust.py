@@ -1262,6 +1262,19 @@ def test_before_a_car_that_stands_a_clearance_is_held_as_the_lead_drives_off(
     assert standing.outcomes[-1].report.clearance.kind == Kind.HOLD
 
 
+@pytest.mark.parametrize("drift", [0.5, -0.5, -1.0])
+def test_before_a_car_that_stands_a_relative_velocity_drifts_beside_a_clearance_that_stays(
+    standing: Car, drift: float
+) -> None:
+    """No lead comes driving backward, and one that drives off does so faster."""
+    start, clearance = standing.number, standing.clearance
+    for k in range(400):
+        drifted = 0.01 * k * drift
+        standing.step(host_speed_is=0.0, relative_velocity_is=drifted, clearance_is=clearance)
+    assert standing.faults_since(start) == {"relative_velocity", "radar"}
+    assert standing.outcomes[-1].report.relative_velocity.kind == Kind.RAMP
+
+
 def test_a_lead_that_rests_after_a_moment_unseen_is_no_held_clearance(standing: Car) -> None:
     """How far it went in that moment is a guess as good as how fast it was before."""
     for acceleration in (-1.0, 0.8):
