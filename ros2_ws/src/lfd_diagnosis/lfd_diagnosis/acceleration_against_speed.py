@@ -168,8 +168,17 @@ def speed_may_be_wrong(monitor, settings):
     then = monitor.filtered - monitor.speed.derivative_when_held - monitor.check.reference
     # Nothing but its own fault makes an accelerometer leap.
     return not monitor.leapt_for and speed_seems_held(
-        monitor.speed, abs(then) <= monitor.check.limit
+        monitor.speed, abs(then) <= monitor.check.limit, _lead_speaks_for(monitor)
     )
+
+
+@inner
+def _lead_speaks_for(monitor):
+    """Whether the lead, as observers see it, is steadier if the accelerometer is right than if the
+    speed is."""
+    by_speed = monitor.speed.derivative + monitor.relative_slow
+    felt = monitor.filtered - monitor.check.reference + monitor.relative_slow
+    return not isnan(monitor.lead) and abs(felt) < abs(by_speed)
 
 
 @inner

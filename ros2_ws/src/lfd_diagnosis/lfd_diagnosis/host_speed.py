@@ -44,6 +44,10 @@ MISSED, MISSED_STEPS, SLOPE_DOUBT = 0.15, 8.0, 0.8
 """The same where it turns faster: m/s, or steps of the speed's resolution, and m/s^2 by which the
 slope of the road may be taken for a change after a second."""
 
+SOME_STEPS, UNLIKE = 2.5, 0.4
+"""Steps of its resolution, more than rounding keeps back, that it may have missed before that says
+anything, and the share of it that a leap may differ by."""
+
 DEAD, DEAD_JUMP, DEAD_TIME = 1.2, 0.1, 1.0
 """m/s below which many a wheel's sensor says zero, and by how much it jumps at least, from there
 and to there; its derivative begins anew, when the car has surely come to rest (s)."""
@@ -217,12 +221,28 @@ def _is_held(speed):
 
 
 @inner
-def speed_seems_held(speed, agrees_with_then):
+def speed_seems_held(speed, agrees_with_then, is_unlikely):
     """Whether it may be held by now, so that its derivative tells nothing: it has said the same for
-    longer than chance would have it, or for a moment in which nothing else changed. Also that of a
-    car that seems to stand."""
+    longer than chance would have it, or for a moment in which nothing else changed, or what is felt
+    should have moved it, and the lead makes it unlikely. Also that of a car that seems to stand."""
     for_a_moment = speed.same >= speed.repetition.least
-    return (for_a_moment and agrees_with_then) or is_beyond_chance(speed.repetition, speed.same)
+    missed = for_a_moment or abs(speed.missed) > _some_steps(speed)
+    may_be = (for_a_moment and agrees_with_then) or (missed and is_unlikely)
+    return may_be or is_beyond_chance(speed.repetition, speed.same)
+
+
+@inner
+def _some_steps(speed):
+    """By how many m/s it must have missed a change before that is seen at all."""
+    return max(MISSED, SOME_STEPS * resolution_of(speed.roughness))
+
+
+@inner
+def _makes_up(speed, value, period, acceleration):
+    """Whether it leaps by what it missed while it said the same."""
+    missed = speed.missed + acceleration * period
+    off = abs(value - speed.last - missed)
+    return abs(missed) > _some_steps(speed) and off < UNLIKE * abs(missed)
 
 
 @inner
@@ -335,7 +355,8 @@ def _take(speed, settings, at, value, acceleration, shaken):
     take_roughness(speed.roughness, at, value, healthy and moves, possible)
     if is_standing(speed):
         excuse_repetition(speed.repetition, speed.faulty)
-    was_held = speed_seems_held(speed, False)
+    was_held = speed_seems_held(speed, False, False)
+    was_held = was_held or _makes_up(speed, value, period, acceleration)
     speed.same = speed.same + 1 if value == speed.last else 0
     equal = take_repetition(speed.repetition, value, healthy)
     if not equal:
