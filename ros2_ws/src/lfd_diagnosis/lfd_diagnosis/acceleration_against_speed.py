@@ -36,6 +36,7 @@ from lfd_diagnosis.healthy_signal import (
 from lfd_diagnosis.host_speed import (
     JERK_FILTER,
     JERK_SHARE,
+    hides_by_rounding,
     is_standing,
     jerk_between,
     jerk_of,
@@ -160,10 +161,15 @@ def doubt_slope(monitor):
 
 @inner
 def speed_may_be_wrong(monitor, settings):
-    """Whether the speed that contradicts may be held: then it tells so itself in a moment."""
+    """Whether the speed that contradicts may only be rounded, or be held: then it tells so itself in
+    a moment."""
     resting = is_standing(monitor.speed) and monitor.lead_rests_for >= RESTED
-    if resting or not settings.check_repetition:
+    if resting:
         # A car that drove off would have left its lead, or followed one that is not at rest.
+        return False
+    if hides_by_rounding(monitor.speed, settings):
+        return True
+    if not settings.check_repetition:
         return False
     then = monitor.filtered - monitor.speed.derivative_when_held - monitor.check.reference
     # Nothing but its own fault makes an accelerometer leap.

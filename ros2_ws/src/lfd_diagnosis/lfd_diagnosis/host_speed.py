@@ -232,6 +232,14 @@ def speed_seems_held(speed, agrees_with_then, is_unlikely):
 
 
 @inner
+def hides_by_rounding(speed, settings):
+    """Whether it has said the same for a while, as what is felt since then may well be less than
+    one of its steps: so far its derivative tells nothing."""
+    for_a_while = speed.held_for > settings.host_speed_filter_time
+    return for_a_while and abs(speed.missed) < resolution_of(speed.roughness)
+
+
+@inner
 def _some_steps(speed):
     """By how many m/s it must have missed a change before that is seen at all."""
     return max(MISSED, SOME_STEPS * resolution_of(speed.roughness))
