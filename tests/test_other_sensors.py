@@ -14,6 +14,7 @@ from scipy.signal import savgol_filter
 from lfd_diagnosis.verdict import Event, Kind, Outcome, State
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
 from lfd_mpc.settings import STEP_NS
+from lfd_replay.evaluation.random_sensors import random_sensors_drive
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.generated.generate import drive_truth, generate_drive
 from lfd_replay.offline import OfflineGraph
@@ -380,3 +381,9 @@ def test_what_a_standing_car_says_again_and_again_hides_no_held_sensor(signal, s
     first = next(event for event in found if event.signal == signal)
     assert first.fault.kind == Kind.HOLD
     assert start * 1e9 < first.stamp < (start + 0.8) * 1e9
+
+
+def test_a_host_speed_in_coarse_steps_tells_nothing_before_it_missed_one() -> None:
+    """It stays within a step while the car goes over from driving off to braking."""
+    made = random_sensors_drive("traffic-34", 2)
+    assert not faults([sample for sample in made.samples if sample.stamp < made.zero + 84 * 10**9])

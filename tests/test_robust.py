@@ -613,6 +613,32 @@ def test_an_acceleration_that_drifts_in_a_standing_car_is_told_by_a_lead_at_rest
     assert standing.outcomes[-1].report.acceleration.kind == Kind.RAMP
 
 
+def test_a_coarse_host_speed_that_is_held_as_the_car_brakes_blames_no_accelerometer() -> None:
+    """Steps of 1 km/h take their time, but the lead goes on steadily, if the accelerometer is
+    right; then the speed leaps to where it should be."""
+    car = Car()
+    speeds = [car.speed] * 7
+
+    def accelerate(by: float) -> float:
+        """What the speed says afterwards, a moment late."""
+        car.speed += 0.01 * by
+        car.velocity -= 0.01 * by
+        speeds.append(car.speed)
+        return round(3.6 * speeds[-7]) / 3.6
+
+    for k in range(4000):
+        acceleration = 0.8 * sin(2.0 * pi * k / 800)
+        car.step(acceleration=acceleration, host_speed_is=accelerate(acceleration))
+    start, held = car.number, accelerate(0.0)
+    for k in range(150):
+        acceleration = -0.02 * k
+        accelerate(acceleration)
+        car.step(acceleration=acceleration, host_speed_is=held)
+    for _ in range(50):
+        car.step(acceleration=-3.0, host_speed_is=accelerate(-3.0))
+    assert "acceleration" not in car.faults_since(start)
+
+
 def test_a_held_host_speed_is_believed_soon_after_it_moves_again(car: Car) -> None:
     start, held = car.number, car.speed
     for _ in range(300):

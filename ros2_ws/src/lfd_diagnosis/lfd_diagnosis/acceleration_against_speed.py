@@ -161,8 +161,7 @@ def doubt_slope(monitor):
 
 @inner
 def speed_may_be_wrong(monitor, settings):
-    """Whether the speed that contradicts may only be rounded, or be held: then it tells so itself in
-    a moment."""
+    """Whether the speed that contradicts may be rounded or held: it tells so itself in a moment."""
     resting = is_standing(monitor.speed) and monitor.lead_rests_for >= RESTED
     if resting:
         # A car that drove off would have left its lead, or followed one that is not at rest.
