@@ -247,10 +247,10 @@ def _some_steps(speed):
 
 @inner
 def _makes_up(speed, value, period, acceleration):
-    """Whether it leaps by what it missed while it said the same."""
+    """Whether it leaps by what it missed while it repeated itself."""
     missed = speed.missed + acceleration * period
     off = abs(value - speed.last - missed)
-    return abs(missed) > _some_steps(speed) and off < UNLIKE * abs(missed)
+    return speed.same > 0 and abs(missed) > _some_steps(speed) and off < UNLIKE * abs(missed)
 
 
 @inner
@@ -363,8 +363,8 @@ def _take(speed, settings, at, value, acceleration, shaken):
     take_roughness(speed.roughness, at, value, healthy and moves, possible)
     if is_standing(speed):
         excuse_repetition(speed.repetition, speed.faulty)
-    was_held = speed_seems_held(speed, False, False)
-    was_held = was_held or _makes_up(speed, value, period, acceleration)
+    beyond_chance = is_beyond_chance(speed.repetition, speed.same)
+    was_held = beyond_chance or _makes_up(speed, value, period, acceleration)
     speed.same = speed.same + 1 if value == speed.last else 0
     equal = take_repetition(speed.repetition, value, healthy)
     if not equal:
