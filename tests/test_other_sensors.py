@@ -387,3 +387,12 @@ def test_a_host_speed_in_coarse_steps_tells_nothing_before_it_missed_one() -> No
     """It stays within a step while the car goes over from driving off to braking."""
     made = random_sensors_drive("traffic-34", 2)
     assert not faults([sample for sample in made.samples if sample.stamp < made.zero + 84 * 10**9])
+
+
+def test_a_coarse_host_speed_that_was_held_leaps_by_what_it_missed() -> None:
+    """That is no acceleration that the accelerometer did not feel."""
+    made = random_sensors_drive("traffic-49", 1)
+    soon = [sample for sample in made.samples if sample.stamp < made.zero + 44 * 10**9]
+    held = parse_faults(["hold:host_speed@37.8012-41.8012"])
+    found = faults(FaultInjector(held, made.zero, 1).apply(soon))
+    assert "acceleration" not in {event.signal for event in found}
