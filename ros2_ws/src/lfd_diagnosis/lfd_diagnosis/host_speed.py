@@ -44,9 +44,8 @@ MISSED, MISSED_STEPS, SLOPE_DOUBT = 0.15, 8.0, 0.8
 """The same where it turns faster: m/s, or steps of the speed's resolution, and m/s^2 by which the
 slope of the road may be taken for a change after a second."""
 
-SOME_STEPS, UNLIKE = 2.5, 0.4
-"""Steps of its resolution, more than rounding keeps back, that it may have missed before that says
-anything, and the share of it that a leap may differ by."""
+UNLIKE = 0.4
+"""Share of what it missed while it repeated itself that a leap may differ by."""
 
 DEAD, DEAD_JUMP, DEAD_TIME = 1.2, 0.1, 1.0
 """m/s below which many a wheel's sensor says zero, and by how much it jumps at least, from there
@@ -226,7 +225,7 @@ def speed_seems_held(speed, agrees_with_then, is_unlikely):
     longer than chance would have it, or for a moment in which nothing else changed, or what is felt
     should have moved it, and the lead makes it unlikely. Also that of a car that seems to stand."""
     for_a_moment = speed.same >= speed.repetition.least
-    missed = for_a_moment or abs(speed.missed) > _some_steps(speed)
+    missed = for_a_moment or abs(speed.missed) > _least_missed(speed)
     may_be = (for_a_moment and agrees_with_then) or (missed and is_unlikely)
     return may_be or is_beyond_chance(speed.repetition, speed.same)
 
@@ -240,9 +239,9 @@ def hides_by_rounding(speed, settings):
 
 
 @inner
-def _some_steps(speed):
+def _least_missed(speed):
     """By how many m/s it must have missed a change before that is seen at all."""
-    return max(MISSED, SOME_STEPS * resolution_of(speed.roughness))
+    return max(MISSED, MOVED_STEPS * resolution_of(speed.roughness))
 
 
 @inner
@@ -250,7 +249,7 @@ def _makes_up(speed, value, period, acceleration):
     """Whether it leaps by what it missed while it repeated itself."""
     missed = speed.missed + acceleration * period
     off = abs(value - speed.last - missed)
-    return speed.same > 0 and abs(missed) > _some_steps(speed) and off < UNLIKE * abs(missed)
+    return speed.same > 0 and abs(missed) > _least_missed(speed) and off < UNLIKE * abs(missed)
 
 
 @inner
