@@ -163,18 +163,17 @@ def doubt_slope(monitor):
 def speed_may_be_wrong(monitor, settings):
     """Whether the speed that contradicts may be rounded or held: it tells so itself in a moment."""
     resting = is_standing(monitor.speed) and monitor.lead_rests_for >= RESTED
-    if resting:
-        # A car that drove off would have left its lead, or followed one that is not at rest.
+    if resting or monitor.leapt_for:
+        # A car that drove off would have left its lead, or followed one that is not at rest; and
+        # nothing but its own fault makes an accelerometer leap.
         return False
     if hides_by_rounding(monitor.speed, settings):
         return True
     if not settings.check_repetition:
         return False
     then = monitor.filtered - monitor.speed.derivative_when_held - monitor.check.reference
-    # Nothing but its own fault makes an accelerometer leap.
-    return not monitor.leapt_for and speed_seems_held(
-        monitor.speed, abs(then) <= monitor.check.limit, _lead_speaks_for(monitor)
-    )
+    agrees_with_then = abs(then) <= monitor.check.limit
+    return speed_seems_held(monitor.speed, agrees_with_then, _lead_speaks_for(monitor))
 
 
 @inner
