@@ -401,6 +401,21 @@ def test_samples_that_jump_for_a_moment_are_outliers(
         assert "4 single outliers" in getattr(car.outcomes[-1].report, signal).reason
 
 
+@pytest.mark.parametrize("highest", [7.0, 9.0, 9.9])
+def test_a_shaken_sensor_that_swings_back_by_more_than_it_swung_out_is_no_outlier(
+    car: Car, highest: float
+) -> None:
+    """What it swung out to is not what it says until it has been back for a moment."""
+    start = car.number
+    for _ in range(4):
+        for felt in (2.5, highest, 0.0, 0.0, 0.0):
+            car.step(acceleration=felt)
+        assert car.outcomes[-1].report.acceleration.state == State.OK
+        car.drive(1.0)
+    assert not car.faults_since(start)
+    assert "outliers" not in car.outcomes[-1].report.acceleration.reason
+
+
 @pytest.mark.parametrize(
     ("accelerometer", "seconds", "faults"),
     [(name, *last) for name in ("noisy", "silent", "good") for last in ((0.8, False), (2.5, True))],

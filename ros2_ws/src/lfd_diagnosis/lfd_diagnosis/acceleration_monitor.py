@@ -165,7 +165,8 @@ def _follow_samples(monitor, settings, time, value):
     period = time - monitor.last_at
     monitor.fresh = is_new(time, monitor.last_at)
     if monitor.fresh:
-        leaps = abs(value - monitor.taken) > OUTLIER
+        # What swings back from a sample that was taken is no leap.
+        leaps = min(abs(value - monitor.taken), abs(value - monitor.filtered)) > OUTLIER
         monitor.outliers += monitor.doubted and not leaps
         if leaps and not monitor.doubted:
             monitor.leapt_at = time
