@@ -16,6 +16,7 @@ from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, ScalarSample
 from lfd_replay.drive import Drive, make_drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
 from lfd_replay.evaluation.recorded_tracks import recorded_tracks
+from lfd_replay.evaluation.recorded_views import View, felt_by, tabled
 from lfd_replay.generated.generate import drive_truth
 from lfd_replay.generated.lead_profiles import TRAFFIC
 from lfd_replay.generated.sensor_models import FeltPlan, Radar, SensorSuite, Speedometer, SpeedPlan
@@ -45,8 +46,16 @@ how many."""
 JOINED = 600
 """Scans over which one track's wandering goes over into the next one's."""
 
+ROAD, ROLLING = 1.0, 2.0
+"""Seconds of which the mean is no road's shaking, and m/s from which on a road shakes as it did."""
 
-def recorded_sensors_drive(folder: Path, name: str, seed: int, peak: float | None = None) -> Drive:
+AS_RECORDED = View()
+"""The recorded car's own accelerometer, every sensor speaking for itself."""
+
+
+def recorded_sensors_drive(
+    folder: Path, name: str, seed: int, peak: float | None = None, view: View = AS_RECORDED
+) -> Drive:
     """A generated drive of that name, the same for the same seed. Raises UserError."""
     truth = drive_truth(name, peak)
     generator = np.random.default_rng([seed, crc32(name.encode())])
@@ -54,18 +63,20 @@ def recorded_sensors_drive(folder: Path, name: str, seed: int, peak: float | Non
     clearance, velocity = _joined(_tracks_off(folder), len(plan.radar.times), generator)
     at = np.interp(plan.radar.times, truth.time, truth.clearance)
     clearance = _before_the_bumper(clearance, at)
-    felt, speed = _host_off(folder)
-    begin = generator.uniform(0.0, 2.0 * felt[0][-1])
-    times, noise = _mirrored(*felt, begin, truth.time[-1])
-    felt_plan = FeltPlan(times, noise, np.zeros(len(times)), plan.acceleration.swings)
-    times, noise = _mirrored(*speed, begin, truth.time[-1])
+    (felt_at, slow, shaking), speed = _host_off(folder, view)
+    begin = generator.uniform(0.0, 2.0 * felt_at[-1])
+    times, slow = _mirrored(felt_at, slow, begin, truth.time[-1], 1.0)
+    _, shaking = _mirrored(felt_at, shaking, begin, truth.time[-1], 1.0)
+    rolling = np.interp(times, truth.time, truth.host_speed / ROLLING).clip(max=1.0)
+    felt_plan = FeltPlan(times, rolling * shaking, slow, plan.acceleration.swings)
+    times, noise = _mirrored(*speed, begin, truth.time[-1], -1.0)
     scans = SUITE.radar.scans(
         truth, replace(plan.radar, clearance_noise=clearance, velocity_noise=velocity)
     )
     if name in TRAFFIC:
         seen = _seen(len(scans), generator)
         scans = [scan for scan, there in zip(scans, seen, strict=True) if there]
-    return make_drive(
+    drive = make_drive(
         name,
         {
             RADAR: scans,
@@ -73,6 +84,7 @@ def recorded_sensors_drive(folder: Path, name: str, seed: int, peak: float | Non
             HOST_SPEED: SUITE.speedometer.samples(truth, SpeedPlan(times, noise, 1.0)),
         },
     )
+    return Drive(drive.name, tabled(view, drive.samples))
 
 
 @cache
@@ -94,12 +106,15 @@ def _tracks_off(folder: Path) -> list[tuple[Array, Array]]:
 
 
 @cache
-def _host_off(folder: Path) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """By how much the accelerometer (m/s^2) is off the smooth speed's derivative, and the speed
-    (m/s) off the smooth one: times in s from a common zero, and values."""
+def _host_off(folder: Path, view: View) -> tuple[tuple[Array, Array, Array], tuple[Array, Array]]:
+    """By how much the accelerometer (m/s^2) is off the smooth speed's derivative, slowly and as the
+    road shakes it, and the speed (m/s) off the smooth one: times in s from a common zero, and
+    values."""
+    from scipy.ndimage import uniform_filter1d
     from scipy.signal import savgol_filter
 
-    samples = [s for s in load_drive(RECORDED, folder).samples if isinstance(s, ScalarSample)]
+    samples = felt_by(view, load_drive(RECORDED, folder).samples, folder)
+    samples = [s for s in samples if isinstance(s, ScalarSample)]
     (felt_at, felt), (speed_at, speed) = (
         np.array([(s.stamp * 1e-9, s.value) for s in samples if s.input == name]).T
         for name in (ACCELERATION, HOST_SPEED)
@@ -117,7 +132,9 @@ def _host_off(folder: Path) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     ):
         inside = (at >= first) & (at <= last)
         cut.append((at[inside] - first, off[inside]))
-    return cut[0], cut[1]
+    felt_at, off = cut[0]
+    slow = uniform_filter1d(off, round(ROAD / np.diff(felt_at).mean()))
+    return (felt_at, slow, off - slow), cut[1]
 
 
 def _joined(
@@ -151,12 +168,15 @@ def _before_the_bumper(beside: Array, clearance: Array) -> Array:
     return np.maximum(beside, -free - free * np.tanh((-beside - free).clip(0.0) / free))
 
 
-def _mirrored(times: Array, values: Array, begin: float, duration: float) -> tuple[Array, Array]:
-    """So many s of samples from `begin` on, forward and back again and so on."""
+def _mirrored(
+    times: Array, values: Array, begin: float, duration: float, back: float
+) -> tuple[Array, Array]:
+    """So many s of samples from `begin` on, forward and back again and so on, those of the way back
+    times `back`: the speed's -1, so that its derivative goes with what was felt both ways."""
     whole = times[-1]
     there_and_back = np.append(times, 2.0 * whole - times[-2:0:-1])
     rounds = int((begin + duration) / (2.0 * whole)) + 1
     at = np.concatenate([there_and_back + 2.0 * whole * k for k in range(rounds)]) - begin
-    said = np.tile(np.append(values, values[-2:0:-1]), rounds)
+    said = np.tile(np.append(values, back * values[-2:0:-1]), rounds)
     inside = (at > 0.0) & (at < duration)
     return at[inside], said[inside]

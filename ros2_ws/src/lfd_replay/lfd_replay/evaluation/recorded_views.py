@@ -57,21 +57,28 @@ VIEWS = {
 
 def seen_by(name: str, drive: Drive, folder: Path) -> Drive:
     """A drive of the recorded car as one of `VIEWS` sees it. Raises UserError."""
-    view, samples = VIEWS[name], list(drive.samples)
-    if view.accelerometer not in ("", DERIVED):
-        samples = _with(samples, _recorded(view.accelerometer, folder))
-    if view.every:
-        samples = joined(samples, view.every)
-    if view.accelerometer == DERIVED:
-        samples = _with(samples, _derived(samples))
-    return Drive(f"{drive.name}, {name}", samples)
+    view = VIEWS[name]
+    return Drive(f"{drive.name}, {name}", tabled(view, felt_by(view, drive.samples, folder)))
+
+
+def felt_by(view: View, samples: Sequence[Sample], folder: Path) -> list[Sample]:
+    """Samples of the recorded car, with another accelerometer's. Raises UserError."""
+    if view.accelerometer in ("", DERIVED):
+        return list(samples)
+    return _with(samples, _recorded(view.accelerometer, folder))
+
+
+def tabled(view: View, samples: Sequence[Sample]) -> list[Sample]:
+    """Samples as a view's table says them."""
+    made = joined(samples, view.every) if view.every else list(samples)
+    return _with(made, _derived(made)) if view.accelerometer == DERIVED else made
 
 
 def _recorded(file: str, folder: Path) -> list[Sample]:
     return scalar_stream(*extra_column(f"{folder / RECORDED}.{file}", ACCEL), ACCELERATION)
 
 
-def _derived(samples: list[Sample]) -> list[Sample]:
+def _derived(samples: Sequence[Sample]) -> list[Sample]:
     speeds = [s for s in samples if isinstance(s, ScalarSample) and s.input == HOST_SPEED]
     stamps = np.array([s.stamp for s in speeds])
     values = np.gradient([s.value for s in speeds], stamps * 1e-9)
@@ -80,7 +87,7 @@ def _derived(samples: list[Sample]) -> list[Sample]:
     ]
 
 
-def _with(samples: list[Sample], accelerations: list[Sample]) -> list[Sample]:
+def _with(samples: Sequence[Sample], accelerations: list[Sample]) -> list[Sample]:
     """Another accelerometer, for as long as the drive's own one spoke."""
     stamps = [s.stamp for s in samples if s.input == ACCELERATION]
     within = [s for s in accelerations if stamps[0] <= s.stamp <= stamps[-1]]
