@@ -63,6 +63,7 @@ from lfd_diagnosis.host_speed import (
     SLOW,
     came_to_rest,
     follow_speed,
+    is_road_calm,
     is_standing,
     is_usable,
     lose_speed,
@@ -88,6 +89,9 @@ DISAGREES = 0.5
 
 SHAKEN = 0.1
 """Share of rough samples above which the road shakes a sensor."""
+
+SWING = 30
+"""Steps for which a bump may swing a sensor's mounting to one side at most."""
 
 SELDOM = 0.03
 """Seconds between two samples beyond which a speed tells nothing of a bad road."""
@@ -285,6 +289,7 @@ def judge_acceleration(
         # One sample alone may be an outlier, however many steps hold it.
         and monitor.new_samples >= 2
         and _newest_disagrees(monitor)
+        and _outlasts_a_bump(monitor)
         and not (check.ground == Ground.HOST_SPEED and speed_may_be_wrong(monitor, settings))
     ):
         _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
@@ -333,8 +338,16 @@ def _newest_disagrees(monitor):
 
 
 @inner
+def _outlasts_a_bump(monitor):
+    """Whether it has lasted for longer than a sensor's mounting swings, if the wheels were shaken
+    just now."""
+    return monitor.exceeded_for >= SWING or is_road_calm(monitor.speed)
+
+
+@inner
 def _count(monitor, settings, exceeded):
     """Confidence in a fault, by steps (eq 26)."""
+    monitor.exceeded_for = monitor.exceeded_for + 1 if exceeded else 0
     if exceeded:
         if monitor.confidence == 0:
             monitor.new_samples = 0

@@ -115,6 +115,7 @@ ACCELERATION = np.dtype(
         ("ticks", "i8"),
         ("check", CHECK),
         ("confidence", "i8"),
+        ("exceeded_for", "i8"),
         # A fault, and what was there before it.
         ("faulty", "?"),
         ("kind", "i8"),
@@ -202,6 +203,7 @@ def forgive_acceleration(monitor):
     monitor.faulty, monitor.kind = False, Kind.UNKNOWN
     monitor.because.ground = Ground.NONE
     monitor.confidence, monitor.agreeing = 0, 0.0
+    monitor.exceeded_for = 0
     monitor.reference = monitor.lead_reference = monitor.slope_before = np.nan
     monitor.corrected, monitor.faded_for = False, 0
     monitor.size = monitor.size_std = monitor.off = np.nan

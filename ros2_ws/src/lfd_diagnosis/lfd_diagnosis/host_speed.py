@@ -62,6 +62,9 @@ RATTLE, RATTLES = 4.0, 10
 """Standard deviations of its noise beyond which a speed leaps as no car does, and for how many
 steps a wheel that was shaken is not believed to the last."""
 
+BUMP = 50
+"""Steps after a wheel was shaken in which the road may still shake the car."""
+
 POSSIBLE_ACCELERATION = 15.0
 """m/s^2 that a car may reach, a crash apart."""
 
@@ -124,6 +127,7 @@ HOST_SPEED = np.dtype(
         ("slow_derivative", "f8"),
         ("largest_jerk", "f8"),
         ("rattles_for", "i8"),
+        ("calm_for", "i8"),
         ("followed", "f8"),
         ("felt", "f8"),
     ],
@@ -171,6 +175,7 @@ def lose_speed(speed):
     speed.last, speed.last_at = np.nan, -np.inf
     speed.seen_at, speed.changed_at, speed.doubt = -np.inf, -np.inf, np.nan
     speed.rough_for, speed.same, speed.felt = 0.0, 0, 0.0
+    speed.calm_for = BUMP
     _stop_following(speed)
 
 
@@ -282,11 +287,18 @@ def jerk_of(speed):
 
 
 @inner
+def is_road_calm(speed):
+    """Whether no wheel was shaken for a moment."""
+    return speed.calm_for >= BUMP
+
+
+@inner
 def follow_speed(speed, settings, now, at, value, acceleration, shaken):
     """One step at `now`: newest sample in m/s of time `at` in s, the host accelerating as stated.
 
     `shaken`: the accelerometer feels a bad road.
     """
+    speed.calm_for += 1
     if is_new(at, speed.seen_at):
         again = _says_again(speed, at, value)
         speed.seen_at = at
@@ -383,7 +395,7 @@ def _take(speed, settings, at, value, acceleration, shaken):
         else:
             leap = abs(value - speed.last - speed.derivative_then * period)
             if leap > RATTLE * deviation(speed.noise):
-                speed.rattles_for = RATTLES
+                speed.rattles_for, speed.calm_for = RATTLES, 0
                 if was_held and settings.check_repetition:
                     # What it jumps by is what it missed.
                     _stop_following(speed)
