@@ -64,6 +64,10 @@ LEAP, LEAP_SHARE = 2, 0.75
 """Steps within which an offset jumps, and share of all that has changed by then; brakes that come
 on go on for longer."""
 
+NOISY = 0.9
+"""m/s^2 of usual roughness from which on a sensor swings so far over a bump that it is judged when
+that is over."""
+
 ANSWERED_SHARE, BRAKES_SHARE = 0.5, 0.3
 """Share of a jump that the observers answer if it is the car's own, and of one that goes on as
 brakes do: behind a lead that brakes as well they see but the rest."""
@@ -228,6 +232,12 @@ def _leapt(monitor):
 
 
 @inner
+def _swings(monitor):
+    """Whether a bump swings the sensor's mounting so far that it looks like a jump."""
+    return sqrt(monitor.roughness.usual) > NOISY
+
+
+@inner
 def _is_answered(monitor, jumped):
     """Whether the observers have surely answered a jump, in the mean: single ones swing as far."""
     answered = monitor.relative_slow - monitor.relative_before
@@ -246,7 +256,7 @@ def _against_observers(monitor, settings, relative_velocity):
             monitor.before = mean_of(samples, 0, SHARP)
             monitor.relative_before = monitor.relative_slow
         monitor.jumped_for, monitor.jump_sign = JUMP_MEMORY, 1.0 if jump > 0 else -1.0
-        if ends_braking(monitor) or not _leapt(monitor):
+        if _swings(monitor) or ends_braking(monitor) or not _leapt(monitor):
             monitor.jumped_for += ANSWER
     if not monitor.jumped_for:
         _take_if_worse(monitor.check, Ground.OBSERVERS, jump, limit)
@@ -254,6 +264,10 @@ def _against_observers(monitor, settings, relative_velocity):
     monitor.jumped_for -= 1
     # A jump that the observers answer with the opposite one is the car's own.
     jumped = mean_of_swings(monitor) - monitor.before
+    if _swings(monitor):
+        # What swings back is where it was a moment before.
+        left = mean_of_swings(monitor) - monitor.own_slow
+        jumped = min(jumped, max(left, 0.0)) if jumped > 0.0 else max(jumped, min(left, 0.0))
     if abs(jump) <= limit and _is_answered(monitor, max(abs(jumped), 0.8 * limit)):
         monitor.jumped_for = 0
     if waits(monitor) or (ends_braking(monitor) and not is_nearing(relative_velocity)):
