@@ -241,7 +241,7 @@ def _swings(monitor):
 def _is_answered(monitor, jumped):
     """Whether the observers have surely answered a jump, in the mean: single ones swing as far."""
     answered = monitor.relative_slow - monitor.relative_before
-    share = BRAKES_SHARE if waits(monitor) else ANSWERED_SHARE
+    share = BRAKES_SHARE if waits(monitor) and not _swings(monitor) else ANSWERED_SHARE
     return -monitor.jump_sign * answered > share * jumped
 
 
@@ -275,6 +275,9 @@ def _against_observers(monitor, settings, relative_velocity):
         monitor.confidence = 0
         return
     answered = monitor.relative_now - monitor.relative
+    if _swings(monitor):
+        # There has been time enough to know it in the mean.
+        answered = monitor.relative_slow - monitor.relative_before
     residual = jumped + (answered if answered * monitor.jump_sign < 0.0 else 0.0)
     if residual * monitor.jump_sign < 0.0:
         residual = 0.0
