@@ -17,6 +17,7 @@ from lfd_diagnosis.acceleration_state import (
     SHARP,
     newest_sample,
     shaking_left,
+    swings_over_bumps,
 )
 from lfd_diagnosis.evidence import Ground, set_check
 from lfd_diagnosis.healthy_signal import (
@@ -63,10 +64,6 @@ afterwards is its end, and steps after which radar and observers have surely ans
 LEAP, LEAP_SHARE = 2, 0.75
 """Steps within which an offset jumps, and share of all that has changed by then; brakes that come
 on go on for longer."""
-
-NOISY = 0.9
-"""m/s^2 of usual roughness from which on a sensor swings so far over a bump that it is judged when
-that is over."""
 
 ANSWERED_SHARE, BRAKES_SHARE = 0.5, 0.3
 """Share of a jump that the observers answer if it is the car's own, and of one that goes on as
@@ -232,16 +229,10 @@ def _leapt(monitor):
 
 
 @inner
-def _swings(monitor):
-    """Whether a bump swings the sensor's mounting so far that it looks like a jump."""
-    return sqrt(monitor.roughness.usual) > NOISY
-
-
-@inner
 def _is_answered(monitor, jumped):
     """Whether the observers have surely answered a jump, in the mean: single ones swing as far."""
     answered = monitor.relative_slow - monitor.relative_before
-    share = BRAKES_SHARE if waits(monitor) and not _swings(monitor) else ANSWERED_SHARE
+    share = BRAKES_SHARE if waits(monitor) and not swings_over_bumps(monitor) else ANSWERED_SHARE
     return -monitor.jump_sign * answered > share * jumped
 
 
@@ -256,7 +247,7 @@ def _against_observers(monitor, settings, relative_velocity):
             monitor.before = mean_of(samples, 0, SHARP)
             monitor.relative_before = monitor.relative_slow
         monitor.jumped_for, monitor.jump_sign = JUMP_MEMORY, 1.0 if jump > 0 else -1.0
-        if _swings(monitor) or ends_braking(monitor) or not _leapt(monitor):
+        if swings_over_bumps(monitor) or ends_braking(monitor) or not _leapt(monitor):
             monitor.jumped_for += ANSWER
     if not monitor.jumped_for:
         _take_if_worse(monitor.check, Ground.OBSERVERS, jump, limit)
@@ -264,7 +255,7 @@ def _against_observers(monitor, settings, relative_velocity):
     monitor.jumped_for -= 1
     # A jump that the observers answer with the opposite one is the car's own.
     jumped = mean_of_swings(monitor) - monitor.before
-    if _swings(monitor):
+    if swings_over_bumps(monitor):
         # What swings back is where it was a moment before.
         left = mean_of_swings(monitor) - monitor.own_slow
         jumped = min(jumped, max(left, 0.0)) if jumped > 0.0 else max(jumped, min(left, 0.0))
@@ -275,7 +266,7 @@ def _against_observers(monitor, settings, relative_velocity):
         monitor.confidence = 0
         return
     answered = monitor.relative_now - monitor.relative
-    if _swings(monitor):
+    if swings_over_bumps(monitor):
         # There has been time enough to know it in the mean.
         answered = monitor.relative_slow - monitor.relative_before
     residual = jumped + (answered if answered * monitor.jump_sign < 0.0 else 0.0)

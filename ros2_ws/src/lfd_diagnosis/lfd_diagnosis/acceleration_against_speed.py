@@ -21,6 +21,7 @@ from lfd_diagnosis.acceleration_state import (
     LAG_PRIOR,
     newest_sample,
     shaking_left,
+    swings_over_bumps,
 )
 from lfd_diagnosis.evidence import Ground, is_exceeded, set_check
 from lfd_diagnosis.healthy_signal import (
@@ -83,9 +84,9 @@ SLOPE_TIME = 4.0
 BURST, SHAKEN_SIGMA = 0.15, 2.0
 """Share of a shaking's rms by which limits widen, and deviations of what it leaves, if more."""
 
-LASTING, LASTING_SAMPLES, LARGE = 6, 3.0, 2.0
-"""Steps, and samples, for which a jump must have lasted, and how many times its limit it must be,
-to be seen in the samples as they are."""
+LASTING, LARGE, LARGEST = 6, 2.0, 3.0
+"""Steps for which a jump must have lasted, and how many times its limit it must be, to be seen in
+the samples as they are: the latter if the sensor swings over bumps."""
 
 LEAST, FADED_STEPS = 0.6, 50
 """m/s^2 within which an acceleration that jumped must come back, and for how many steps if it did
@@ -139,9 +140,9 @@ def against_speed(monitor, settings):
         set_check(check, Ground.HOST_SPEED, step, sudden, Kind.OFFSET, monitor.baseline)
     if monitor.leapt_for and not is_exceeded(check):
         # No bump lasts, no manoeuvre leaps: what does both is seen before the filters say so.
-        steps = max(LASTING, round(LASTING_SAMPLES * monitor.roughness.period / STEP_S))
-        least = least_beyond(monitor.jump, steps)
-        limit = LARGE * learning * step_limit + allowance - _shaken_by(monitor, settings)
+        least = least_beyond(monitor.jump, LASTING)
+        large = LARGEST if swings_over_bumps(monitor) else LARGE
+        limit = large * learning * step_limit + allowance - _shaken_by(monitor, settings)
         if abs(least) > limit:
             set_check(check, Ground.HOST_SPEED, least, limit, Kind.OFFSET, monitor.baseline)
     if is_exceeded(check):

@@ -90,7 +90,7 @@ DISAGREES = 0.5
 SHAKEN = 0.1
 """Share of rough samples above which the road shakes a sensor."""
 
-SWING = 30
+SWING = 25
 """Steps for which a bump may swing a sensor's mounting to one side at most."""
 
 SELDOM = 0.03

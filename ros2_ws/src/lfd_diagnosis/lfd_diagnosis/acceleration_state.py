@@ -45,6 +45,10 @@ NEWEST, FEWEST = 9, 4
 STRONG = 2.0
 """m/s^2 by which it may be shaken before that is known."""
 
+SWINGING = 0.65
+"""m/s^2 of usual roughness from which on a bump swings a sensor's mounting so far that it looks
+like a jump."""
+
 RADAR_GONE = 30
 """Steps for which the last relative acceleration stands in for one that is no longer known."""
 
@@ -241,6 +245,12 @@ def shaking_left(monitor, time):
     """Deviation in m/s^2 of a mean of that many s, as far as the sensor is shaken; a seldom sample
     counts for long."""
     return monitor.shaking * sqrt(min(monitor.roughness.period / time, 1.0))
+
+
+@inner
+def swings_over_bumps(monitor):
+    """Whether a bump swings the sensor so far that it looks like a jump while it lasts."""
+    return monitor.roughness.usual > SWINGING**2
 
 
 @inner

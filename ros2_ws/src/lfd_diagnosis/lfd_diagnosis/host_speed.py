@@ -62,7 +62,7 @@ RATTLE, RATTLES = 4.0, 10
 """Standard deviations of its noise beyond which a speed leaps as no car does, and for how many
 steps a wheel that was shaken is not believed to the last."""
 
-BUMP = 50
+BUMP = 30
 """Steps after a wheel was shaken in which the road may still shake the car."""
 
 POSSIBLE_ACCELERATION = 15.0
