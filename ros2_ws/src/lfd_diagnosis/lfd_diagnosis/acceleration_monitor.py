@@ -30,6 +30,7 @@ from lfd_diagnosis.acceleration_state import (
     forget_baseline,
     forgive_acceleration,
     newest_sample,
+    swings_over_bumps,
 )
 from lfd_diagnosis.evidence import Ground, give_ground, is_exceeded
 from lfd_diagnosis.healthy_signal import (
@@ -339,9 +340,9 @@ def _newest_disagrees(monitor):
 
 @inner
 def _outlasts_a_bump(monitor):
-    """Whether it has lasted for longer than a sensor's mounting swings, if the wheels were shaken
-    just now."""
-    return monitor.exceeded_for >= SWING or is_road_calm(monitor.speed)
+    """Whether it has lasted longer than a swing of the sensor, if wheels were shaken just now."""
+    lasted = monitor.exceeded_for >= SWING
+    return lasted or is_road_calm(monitor.speed) or not swings_over_bumps(monitor)
 
 
 @inner
