@@ -201,7 +201,7 @@ def test_traffic_with_its_stops_raises_no_fault(data: Path, name: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "seed", "start"),
-    [("normal-03", 528, 36.965), ("normal-17", 530, 36.668), ("normal-22", 530, 66.418)],
+    [("normal-03", 528, 36.94), ("normal-17", 530, 36.668), ("normal-22", 530, 66.418)],
 )
 def test_an_acceleration_that_jumps_on_a_rough_road_is_told_at_once(
     data, name, seed, start

@@ -54,6 +54,9 @@ VIEWS = {
 }
 """By name, among the names of sensor suites."""
 
+PHONES = tuple(name for name, view in VIEWS.items() if view.accelerometer == PHONE)
+"""Those that feel what a phone does."""
+
 
 def seen_by(name: str, drive: Drive, folder: Path) -> Drive:
     """A drive of the recorded car as one of `VIEWS` sees it. Raises UserError."""

@@ -9,7 +9,7 @@ from lfd_replay.evaluation.cases import RECORDED, RECORDED_RADAR_FIRST, SCAN
 from lfd_replay.evaluation.fault_windows import PAPER, PAUSE, WARM_UP
 from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS
 from lfd_replay.evaluation.recorded_tracks import BACKWARD, COUNT, TRACK
-from lfd_replay.evaluation.recorded_views import VIEWS
+from lfd_replay.evaluation.recorded_views import PHONES, VIEWS
 from lfd_replay.evaluation.requirements.windows import AFTER, NEAREST, Run
 from lfd_replay.generated.lead_profiles import NORMAL, TRAFFIC, lead_profile
 
@@ -170,6 +170,20 @@ def faults_in_traffic(
     names = TRAFFIC[:: 3 * len(NORMAL) // len(extent.normal)]
     given = {"signed": signed, "sensor": sensor}
     return spread(kind, values, names, extent.seeds[:1], length, **given)
+
+
+def phones_in_traffic(extent: Extent, host_speed: bool) -> list[Run]:
+    """Traffic as the recorded sensors see it, what a phone feels in the accelerometer's place."""
+    return [run for view in PHONES for run in in_traffic(extent, view, host_speed)]
+
+
+def faults_by_phones_in_traffic(extent: Extent, values: tuple) -> list[Run]:
+    """Faults in such traffic."""
+    return [
+        run
+        for view in PHONES
+        for run in faults_in_traffic(extent, "offset", values, False, sensor=view)
+    ]
 
 
 def recorded_sensors(extent: Extent, values: tuple, signed: bool) -> list[Run]:
