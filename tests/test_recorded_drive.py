@@ -8,7 +8,7 @@ import pytest
 from test_other_sensors import faults
 
 from lfd_diagnosis.verdict import VERDICTS, State
-from lfd_mpc.samples import ACCELERATION, INPUTS, RADAR, playing_order
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, INPUTS, RADAR, playing_order
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
@@ -217,6 +217,24 @@ def test_an_acceleration_that_jumps_on_a_rough_road_is_told_at_once(
     ]
     assert len(found) == 1
     assert start < found[0] < start + 0.125
+
+
+@pytest.mark.parametrize(
+    ("view", "name"),
+    [
+        ("phone", "traffic-03"),
+        ("phone", "traffic-32"),
+        ("phone, joined at 20 Hz", "traffic-06"),
+        ("phone, joined at 20 Hz", "traffic-48"),
+        ("phone, joined at 10 Hz", "traffic-75"),
+    ],
+)
+@pytest.mark.parametrize("host_speed", [True, False])
+def test_a_phone_that_bumps_swing_is_healthy_in_traffic_too(
+    data: Path, view: str, name: str, host_speed: bool
+) -> None:
+    samples = recorded_sensors_drive(data, name, 2, None, VIEWS[view]).samples
+    assert not faults([s for s in samples if host_speed or s.input != HOST_SPEED])
 
 
 @pytest.mark.parametrize("view", VIEWS)

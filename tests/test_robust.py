@@ -416,6 +416,39 @@ def test_a_shaken_sensor_that_swings_back_by_more_than_it_swung_out_is_no_outlie
     assert "outliers" not in car.outcomes[-1].report.acceleration.reason
 
 
+SWINGS = [
+    # By host speed, a wheel being shaken: a swing is over before it counts.
+    (True, 0.5, 0.2, 0.2, set()),
+    (True, 0.5, 0.2, 0.5, {"acceleration"}),
+    (True, 0.1, 0.2, 0.2, {"acceleration"}),
+    # Without it: what swings is judged half a second later.
+    (False, 0.5, 0.0, 0.25, set()),
+    (False, 0.5, 0.0, 1.2, {"acceleration"}),
+    (False, 0.1, 0.0, 0.25, {"acceleration"}),
+]
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5, 6])
+@pytest.mark.parametrize(("host_speed", "noise", "shaken", "seconds", "faults"), SWINGS)
+def test_a_bump_swings_a_loosely_mounted_sensor_for_a_moment(
+    host_speed: bool, noise: float, shaken: float, seconds: float, faults: set, seed: int
+) -> None:
+    """As a phone on a windscreen, which the noise of all of its samples tells from one that is
+    bolted down: there it is a fault that ends soon."""
+    car, random = Car(host_speed), Random(seed)
+
+    def drive(seconds: float, off: float) -> None:
+        for k in range(round(seconds * 100)):
+            shake = shaken * (-1) ** k if off and k < 4 else 0.0
+            car.step(acceleration=off + random.gauss(0.0, noise), host_speed=shake)
+
+    drive(12.0, 0.0)
+    start = car.number
+    drive(seconds, -3.5)
+    drive(2.0, 0.0)
+    assert car.faults_since(start) == faults
+
+
 @pytest.mark.parametrize(
     ("accelerometer", "seconds", "faults"),
     [(name, *last) for name in ("noisy", "silent", "good") for last in ((0.8, False), (2.5, True))],
