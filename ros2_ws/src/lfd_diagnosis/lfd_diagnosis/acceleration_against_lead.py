@@ -229,16 +229,21 @@ def _leapt(monitor):
 
 
 @inner
+def _answer(monitor):
+    """What observers have answered a jump with in the mean (m/s^2): single ones swing as far."""
+    return monitor.relative_slow - monitor.relative_before
+
+
+@inner
 def _is_answered(monitor, jumped):
-    """Whether the observers have surely answered a jump, in the mean: single ones swing as far."""
-    answered = monitor.relative_slow - monitor.relative_before
+    """Whether the observers have surely answered a jump."""
     share = BRAKES_SHARE if waits(monitor) and not swings_over_bumps(monitor) else ANSWERED_SHARE
-    return -monitor.jump_sign * answered > share * jumped
+    return -monitor.jump_sign * _answer(monitor) > share * jumped
 
 
 @inner
 def _against_observers(monitor, settings, relative_velocity):
-    samples = monitor.samples
+    samples, swings = monitor.samples, swings_over_bumps(monitor)
     jump = _change(monitor) if is_full(samples) else 0.0
     limit = _jump_limit(monitor, settings)
     if abs(jump) > limit:
@@ -247,7 +252,7 @@ def _against_observers(monitor, settings, relative_velocity):
             monitor.before = mean_of(samples, 0, SHARP)
             monitor.relative_before = monitor.relative_slow
         monitor.jumped_for, monitor.jump_sign = JUMP_MEMORY, 1.0 if jump > 0 else -1.0
-        if swings_over_bumps(monitor) or ends_braking(monitor) or not _leapt(monitor):
+        if swings or ends_braking(monitor) or not _leapt(monitor):
             monitor.jumped_for += ANSWER
     if not monitor.jumped_for:
         _take_if_worse(monitor.check, Ground.OBSERVERS, jump, limit)
@@ -255,10 +260,10 @@ def _against_observers(monitor, settings, relative_velocity):
     monitor.jumped_for -= 1
     # A jump that the observers answer with the opposite one is the car's own.
     jumped = mean_of_swings(monitor) - monitor.before
-    if swings_over_bumps(monitor):
+    if swings:
         # What swings back is where it was a moment before.
         left = mean_of_swings(monitor) - monitor.own_slow
-        jumped = min(jumped, max(left, 0.0)) if jumped > 0.0 else max(jumped, min(left, 0.0))
+        jumped = max(min(jumped, 0.0), min(max(jumped, 0.0), left))
     if abs(jump) <= limit and _is_answered(monitor, max(abs(jumped), 0.8 * limit)):
         monitor.jumped_for = 0
     if waits(monitor) or (ends_braking(monitor) and not is_nearing(relative_velocity)):
@@ -266,9 +271,9 @@ def _against_observers(monitor, settings, relative_velocity):
         monitor.confidence = 0
         return
     answered = monitor.relative_now - monitor.relative
-    if swings_over_bumps(monitor):
+    if swings:
         # There has been time enough to know it in the mean.
-        answered = monitor.relative_slow - monitor.relative_before
+        answered = _answer(monitor)
     residual = jumped + (answered if answered * monitor.jump_sign < 0.0 else 0.0)
     if residual * monitor.jump_sign < 0.0:
         residual = 0.0

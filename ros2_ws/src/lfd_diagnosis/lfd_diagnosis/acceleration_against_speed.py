@@ -41,6 +41,7 @@ from lfd_diagnosis.host_speed import (
     is_standing,
     jerk_between,
     jerk_of,
+    rattles,
     seldom_heard,
     speed_seems_held,
 )
@@ -84,9 +85,9 @@ SLOPE_TIME = 4.0
 BURST, SHAKEN_SIGMA = 0.15, 2.0
 """Share of a shaking's rms by which limits widen, and deviations of what it leaves, if more."""
 
-LASTING, LARGE, LARGEST = 6, 2.0, 3.0
+LASTING, LARGE, LARGE_FOR_SWINGS = 6, 2.0, 3.0
 """Steps for which a jump must have lasted, and how many times its limit it must be, to be seen in
-the samples as they are: the latter if the sensor swings over bumps."""
+the samples as they are; and if bumps swing the sensor."""
 
 LEAST, FADED_STEPS = 0.6, 50
 """m/s^2 within which an acceleration that jumped must come back, and for how many steps if it did
@@ -108,7 +109,7 @@ def against_speed(monitor, settings):
     """Against the derivative of the host's speed."""
     jerk = jerk_of(monitor.speed)
     lag, smooth = _lag(monitor, settings)
-    if monitor.speed.rattles_for:
+    if rattles(monitor.speed):
         smooth = -JERK_FILTER
     derivative = monitor.speed.derivative + (lag + smooth) * jerk
     follow_difference(monitor.jump, newest_sample(monitor) - derivative)
@@ -141,7 +142,7 @@ def against_speed(monitor, settings):
     if monitor.leapt_for and not is_exceeded(check):
         # No bump lasts, no manoeuvre leaps: what does both is seen before the filters say so.
         least = least_beyond(monitor.jump, LASTING)
-        large = LARGEST if swings_over_bumps(monitor) else LARGE
+        large = LARGE_FOR_SWINGS if swings_over_bumps(monitor) else LARGE
         limit = large * learning * step_limit + allowance - _shaken_by(monitor, settings)
         if abs(least) > limit:
             set_check(check, Ground.HOST_SPEED, least, limit, Kind.OFFSET, monitor.baseline)

@@ -58,12 +58,10 @@ the speed may be late to say so."""
 JUMP = 0.5
 """Least jump in m/s between two samples that no car makes."""
 
-RATTLE, RATTLES = 4.0, 10
-"""Standard deviations of its noise beyond which a speed leaps as no car does, and for how many
-steps a wheel that was shaken is not believed to the last."""
-
-BUMP = 30
-"""Steps after a wheel was shaken in which the road may still shake the car."""
+RATTLE, RATTLES, BUMP = 4.0, 9, 30
+"""Standard deviations of its noise beyond which a speed leaps as no car does, for how many steps a
+wheel that was so shaken is not believed to the last, and for how many the road may still shake the
+car."""
 
 POSSIBLE_ACCELERATION = 15.0
 """m/s^2 that a car may reach, a crash apart."""
@@ -126,7 +124,6 @@ HOST_SPEED = np.dtype(
         ("derivative_when_held", "f8"),
         ("slow_derivative", "f8"),
         ("largest_jerk", "f8"),
-        ("rattles_for", "i8"),
         ("calm_for", "i8"),
         ("followed", "f8"),
         ("felt", "f8"),
@@ -184,7 +181,6 @@ def _stop_following(speed):
     speed.filtered = speed.derivative = speed.slow_derivative = np.nan
     speed.derivative_then = speed.derivative_when_held = np.nan
     speed.followed = speed.largest_jerk = 0.0
-    speed.rattles_for = 0
 
 
 @inner
@@ -287,6 +283,12 @@ def jerk_of(speed):
 
 
 @inner
+def rattles(speed):
+    """Whether a wheel was shaken just now."""
+    return speed.calm_for < RATTLES
+
+
+@inner
 def is_road_calm(speed):
     """Whether no wheel was shaken for a moment."""
     return speed.calm_for >= BUMP
@@ -313,7 +315,6 @@ def follow_speed(speed, settings, now, at, value, acceleration, shaken):
         speed.slow_derivative = acceleration
         speed.filtered = speed.last - acceleration * filter_time
         speed.derivative_then = acceleration
-    speed.rattles_for = max(speed.rattles_for - 1, 0)
     # Between two samples it goes on as it did: steps of a slow sensor are no jerks.
     value = speed.last + speed.derivative_then * (now - speed.last_at)
     speed.filtered += filter_share(filter_time) * (value - speed.filtered)
@@ -395,7 +396,7 @@ def _take(speed, settings, at, value, acceleration, shaken):
         else:
             leap = abs(value - speed.last - speed.derivative_then * period)
             if leap > RATTLE * deviation(speed.noise):
-                speed.rattles_for, speed.calm_for = RATTLES, 0
+                speed.calm_for = 0
                 if was_held and settings.check_repetition:
                     # What it jumps by is what it missed.
                     _stop_following(speed)

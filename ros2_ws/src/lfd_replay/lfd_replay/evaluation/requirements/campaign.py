@@ -143,13 +143,6 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
         name = "clearance and relative velocity"
         add(f"recorded sensors in traffic: {name}", runs, judges.judge_in_traffic)
         made += _one_signal_in_traffic("recorded sensors in traffic", extent, RECORDED_SENSORS)
-        title = "a phone in traffic"
-        add(f"{title}: healthy", plan.phones_in_traffic(extent, True), judges.judge_healthy)
-        blind = plan.phones_in_traffic(extent, False)
-        add(f"{title}, no host speed: healthy", blind, Judge.no_false_events)
-        runs = plan.faults_by_phones_in_traffic(extent, plan.PAPER[2:])
-        add(f"{title}: acceleration", runs, judges.judge_in_traffic)
-        title = "recorded sensors on generated leads"
         for name, values in plan.COMBINATIONS.items():
             runs = plan.recorded_sensors(extent, values, signed=False)
             add(f"{title}: {name}", runs, judges.judge_long)
@@ -158,6 +151,12 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
             runs = plan.recorded_sensors(extent, ((signal, 2.0),), signed=True)
             add(f"{title}: {signal} +-2", runs, partial(judges.judge_offset, size=2.0))
             add(f"{title}: {signal} +-2, rebuilt", runs, of_recorded)
+        title = "a phone in traffic"
+        add(f"{title}: healthy", plan.phones_in_traffic(extent, True), judges.judge_healthy)
+        blind = plan.phones_in_traffic(extent, False)
+        add(f"{title}, no host speed: healthy", blind, Judge.no_false_events)
+        runs = plan.faults_by_phones_in_traffic(extent, plan.PAPER[2:])
+        add(f"{title}: acceleration", runs, judges.judge_in_traffic)
     title = "random sensors in traffic"
     add(f"{title}: healthy", plan.in_traffic(extent, RANDOM_SENSORS), judges.judge_healthy)
     blind = plan.in_traffic(extent, RANDOM_SENSORS, host_speed=False)
