@@ -1,6 +1,8 @@
 """The paper's evaluation: detectors set alike, faults spread over drives, results kept."""
 
 import json
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -181,6 +183,24 @@ def test_a_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
     assert Journal(file).results == {"a": 2, "b": 4, "c": 6}
     file.write_text(file.read_text().replace('{"code": "', '{"code": "0'))
     assert Journal(file).results == {}, "results of other code do not count"
+
+
+def test_workers_end_with_a_run_that_is_killed() -> None:
+    run = """
+import time
+from lfd_replay.journal import workers
+
+if __name__ == "__main__":
+    with workers(2) as pool:
+        pool.submit(abs, 1).result()
+        print("at work", flush=True)
+        time.sleep(600)
+"""
+    with subprocess.Popen([sys.executable, "-c", run], stdout=subprocess.PIPE) as process:
+        assert process.stdout.readline() == b"at work\n"
+        process.kill()
+        # The pipe ends when the last of those that inherited it has.
+        assert process.communicate(timeout=60) == (b"", None)
 
 
 def test_the_lead_and_the_radar_are_read_off_a_drive() -> None:

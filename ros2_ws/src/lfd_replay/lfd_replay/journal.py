@@ -3,6 +3,8 @@
 import hashlib
 import json
 import multiprocessing
+import os
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, ProcessPoolExecutor, wait
 from contextlib import contextmanager
@@ -63,6 +65,15 @@ class Journal:
         self.results[key] = json.loads(json.dumps(result))
 
 
+def _end_with_parent() -> None:
+    # A parent that is killed tells nobody, and a worker would wait for its next task for ever.
+    def watch() -> None:
+        multiprocessing.parent_process().join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
 @contextmanager
 def workers(jobs: int, scheduler: str | None = None) -> Iterator[Executor]:
     """Processes of this machine, or those behind a Dask scheduler at an address.
@@ -71,7 +82,8 @@ def workers(jobs: int, scheduler: str | None = None) -> Iterator[Executor]:
     """
     if scheduler is None:
         # Started afresh, so that a worker holds nothing of the parent's threads.
-        with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(jobs, context, _end_with_parent) as pool:
             yield pool
         return
     try:
