@@ -19,6 +19,7 @@ from lfd_diagnosis.acceleration_state import (
     BASE_SHARE,
     LAG_MEMORY,
     LAG_PRIOR,
+    forget_baseline,
     newest_sample,
     shaking_left,
     swings_over_bumps,
@@ -45,6 +46,7 @@ from lfd_diagnosis.host_speed import (
     seldom_heard,
     speed_seems_held,
 )
+from lfd_diagnosis.road_bend import follow_bend, is_bending, slope_now
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
@@ -126,6 +128,13 @@ def against_speed(monitor, settings):
     learning = 1.0 + 2.0 * max(0.0, 1.0 - monitor.slope_known / WARM_UP)
     allowance = allowance_of(monitor, settings)
     sigma = settings.acceleration_sigma
+    bend = monitor.bend
+    follow_bend(bend, off, monitor.speed.derivative)
+    bending = is_bending(bend, monitor.jump, monitor.speed.last, settings.steepest_road)
+    if bending and not monitor.leapt_for:
+        monitor.slope = slope_now(bend)
+        forget_baseline(monitor)
+        monitor.baseline = monitor.slope
     step, slow = off - monitor.baseline, off - monitor.slope
     step_limit = max(settings.acceleration_step_limit, sigma * deviation(monitor.step_noise))
     slow_limit = max(settings.acceleration_limit, sigma * deviation(monitor.slow_noise))

@@ -19,6 +19,10 @@ MEMORY, LEARNT_OVER = 160, 100
 """Steps that are looked at for a jump, and samples that the noise is learnt over: some roads are
 worse than others."""
 
+SHARP, NEAR, AT_ONCE = 10, 3, 0.6
+"""Steps that are averaged to tell whether a change came at once, steps around where the values
+divide best in which it may have come, and share of it that must have."""
+
 JUMP = np.dtype(
     [
         ("values", "f8", (MEMORY,)),
@@ -98,6 +102,23 @@ def least_beyond(jump, steps):
 
 
 @inner
+def came_at_once(jump, change):
+    """Whether the differences changed by `change` (m/s^2) as a sensor jumps, not as a road bends;
+    also where nothing tells."""
+    split = _best_split(jump)
+    if not split:
+        return True
+    least = AT_ONCE * abs(change)
+    side = 1.0 if change > 0.0 else -1.0
+    for ago in range(max(split - NEAR, 1), min(split + NEAR, jump.count - SHARP) + 1):
+        window = min(ago, SHARP)
+        after = _sum(jump, ago - window, ago) / window
+        if side * (after - _sum(jump, ago, ago + SHARP) / SHARP) > least:
+            return True
+    return False
+
+
+@inner
 def _sum(jump, newest, oldest):
     """Of the values from `newest` steps ago to before `oldest` steps ago."""
     total = 0.0
@@ -107,19 +128,26 @@ def _sum(jump, newest, oldest):
 
 
 @inner
-def find_jump(jump):
-    """Where the last values divide best into those before and after a jump."""
-    forget_jump(jump)
-    after, best = 0.0, 0.0
+def _best_split(jump):
+    """How many steps ago the last values divide best into those before and after; 0: nowhere."""
+    split, after, best = 0, 0.0, 0.0
     before = _sum(jump, 1, 1 + LEAST_BEFORE) if jump.count > LEAST_BEFORE else 0.0
     for steps in range(1, jump.count - LEAST_BEFORE):
         after += jump.values[jump.next - steps]
         step = after / steps - before / LEAST_BEFORE
         clear = abs(step) * sqrt(steps / (steps + LEAST_BEFORE))
         if clear > best:
-            best, jump.steps = clear, steps
+            best, split = clear, steps
         before += jump.values[jump.next - 1 - steps - LEAST_BEFORE]
         before -= jump.values[jump.next - 1 - steps]
+    return split
+
+
+@inner
+def find_jump(jump):
+    """Where the last values divide best into those before and after a jump."""
+    forget_jump(jump)
+    jump.steps = _best_split(jump)
     if not jump.steps:
         return
     jump.found = True

@@ -69,6 +69,7 @@ from lfd_diagnosis.host_speed import (
     is_usable,
     lose_speed,
 )
+from lfd_diagnosis.road_bend import start_bend
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
@@ -242,6 +243,7 @@ def judge_acceleration(
         monitor.confidence, monitor.corrected = 0, False
         check.ground = Ground.NONE
         restart_jump(monitor.jump)
+        start_bend(monitor.bend)
         return
     monitor.ticks += 1
     rests = is_resting(relative_velocity)
@@ -253,6 +255,7 @@ def judge_acceleration(
     else:
         forget_baseline(monitor)
         restart_jump(monitor.jump)
+        start_bend(monitor.bend)
         if not monitor.faulty:
             doubt_slope(monitor)
         against_lead(monitor, settings, relative_velocity, lead_report)

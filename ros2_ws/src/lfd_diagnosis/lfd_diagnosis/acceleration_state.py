@@ -22,6 +22,7 @@ from lfd_diagnosis.healthy_signal import (
     start_roughness,
 )
 from lfd_diagnosis.host_speed import HOST_SPEED, restart_speed, start_speed
+from lfd_diagnosis.road_bend import ROAD_BEND, start_bend
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 
@@ -95,6 +96,7 @@ ACCELERATION = np.dtype(
         ("slow_noise", LEARNT_NOISE),
         ("baseline", "f8"),
         ("recent", RING),
+        ("bend", ROAD_BEND),
         ("step_noise", LEARNT_NOISE),
         ("jump", JUMP),
         # Without it: the lead as observers and accelerometer see it, and its own word.
@@ -215,6 +217,7 @@ def forgive_acceleration(monitor):
     forget_baseline(monitor)
     # The way back is no noise.
     restart_jump(monitor.jump)
+    start_bend(monitor.bend)
     monitor.back_for, monitor.settling = 0, False
 
 

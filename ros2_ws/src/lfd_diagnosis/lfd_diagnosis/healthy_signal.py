@@ -386,6 +386,15 @@ def append(ring, value):
 
 
 @inner
+def range_of(ring):
+    """How far the values lie apart."""
+    least = most = ring.values[0]
+    for i in range(1, ring.count):
+        least, most = min(least, ring.values[i]), max(most, ring.values[i])
+    return most - least
+
+
+@inner
 def is_full(ring):
     """Whether there are as many as are kept."""
     return ring.count == ring.size

@@ -149,6 +149,15 @@ class AccelerationChecks(Settings):
         ge=0.0,
         le=10.0,
     )
+    steepest_road: float = setting(
+        2.5,
+        "m/s^2",
+        "difference up to which what changes faster than a drift and slower than a jump is a road "
+        "that bends up or down; 0: none is",
+        ROBUST,
+        ge=0.0,
+        le=10.0,
+    )
     use_observers: bool = setting(
         True,
         "1",

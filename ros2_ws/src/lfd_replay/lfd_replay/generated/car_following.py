@@ -104,7 +104,7 @@ def simulate(profile: Profile, driver: Driver) -> Truth:
         speed,
         np.array(host_acceleration),
         np.array(lead_acceleration),
-        np.asarray(profile.grade(time), dtype=float),
+        np.asarray(profile.grade(time) + profile.road(np.cumsum(speed) * STEP_S), dtype=float),
         np.array(track),
         profile.bumps,
     )

@@ -25,6 +25,9 @@ NORMAL = tuple(f"normal-{number:02d}" for number in range(1, 28))
 TRAFFIC = tuple(f"traffic-{number:02d}" for number in range(1, 100))
 """Fault-free drives as in traffic: stops, hard braking, cars that cut in and leave, slopes."""
 
+HILLY = tuple(f"hilly-{number:02d}" for number in range(1, 67))
+"""Fault-free drives among hills, half of them in a town's steep streets."""
+
 SLOWEST, FASTEST = 7.0, 36.0
 """Speeds in m/s that the leads of normal drives keep between."""
 
@@ -46,7 +49,8 @@ class Change:
 class Profile:
     """A drive of `duration` s: the lead's first speed in m/s and its acceleration in m/s^2.
 
-    `grade` is the slope of the road (1 = 45 degrees) over time; `bumps` are times in s.
+    `grade` is the slope of the road (1 = 45 degrees) over time, `road` that over the way in m, to
+    be added; `bumps` are times in s.
     """
 
     duration: float
@@ -54,6 +58,7 @@ class Profile:
     acceleration: OverTime
     changes: tuple[Change, ...] = ()
     grade: OverTime = np.zeros_like
+    road: OverTime = np.zeros_like
     bumps: tuple[float, ...] = ()
 
 
@@ -125,7 +130,7 @@ PEAKS = (-8.0, -0.5)
 """Hardest and softest peak of a braking drive in m/s^2."""
 
 NAMES = (*_NAMED, BRAKING, *NORMAL)
-"""Every drive there is, but for those of `TRAFFIC`."""
+"""Every drive there is, but for those of `TRAFFIC` and `HILLY`."""
 
 
 def lead_profile(name: str, peak: float | None = None) -> Profile:
@@ -141,8 +146,11 @@ def lead_profile(name: str, peak: float | None = None) -> Profile:
         return _normal(name)
     if name in TRAFFIC:
         return _traffic(name)
+    if name in HILLY:
+        return _hilly(name)
     if name not in _NAMED:
-        names = f"{', '.join(NAMES)}, {TRAFFIC[0]} to {TRAFFIC[-1]}"
+        many = ", ".join(f"{names[0]} to {names[-1]}" for names in (TRAFFIC, HILLY))
+        names = f"{', '.join(NAMES)}, {many}"
         raise UserError(f"make_drive: unknown drive '{name}'; there are: {names}")
     return _NAMED[name]
 
@@ -162,24 +170,62 @@ def _braking(peak: float) -> Profile:
 def _traffic(name: str) -> Profile:
     """Two minutes of a lead that changes its speed every few seconds, now and then to rest."""
     generator = np.random.default_rng([29, int(name[-2:])])
-    first = speed = float(generator.uniform(3.0, 33.0))
-    pulses: list[tuple[float, float, float]] = []
-    start = float(generator.uniform(3.0, 8.0))
-    while start < 110.0:
-        hasty, stops = generator.random(2) < 0.15
-        lasts = float(generator.uniform(2.0, 4.0) if hasty else generator.uniform(3.0, 10.0))
-        wanted = 0.0 if stops else float(np.clip(generator.normal(speed, 6.0), 0.0, FASTEST))
-        # A pulse's peak is twice its mean.
-        change = float(np.clip(wanted - speed, -4.0 * lasts, 1.5 * lasts))
-        pulses.append((start, lasts, change))
-        speed += change
-        start += lasts + float(generator.uniform(1.0, 8.0))
+    first, speeds = _changing_speeds(generator, FASTEST)
     changes = tuple(
         Change(time, float(generator.choice((0.5, 0.7, 1.5, 2.0))), generator.uniform(-2, 2), 2 + k)
         for k, time in enumerate(sorted(generator.uniform(10.0, 110.0, generator.integers(4))))
     )
     grade = _slope(generator.uniform(-0.07, 0.07), 30.0, 60.0, generator.uniform(2.0, 6.0))
-    return Profile(120.0, first, _pulses(*pulses), changes, grade)
+    return Profile(120.0, first, speeds, changes, grade)
+
+
+def _hilly(name: str) -> Profile:
+    """Such a lead in a town built on hills, or on a road through them."""
+    number = int(name[-2:])
+    generator = np.random.default_rng([31, number])
+    town = number % 2 == 1
+    first, speeds = _changing_speeds(generator, 14.0 if town else 22.0)
+    return Profile(120.0, first, speeds, road=_hills(generator, town))
+
+
+def _changing_speeds(generator: np.random.Generator, fastest: float) -> tuple[float, OverTime]:
+    """The first speed (m/s) of two minutes in which it changes every few seconds."""
+    first = speed = float(generator.uniform(3.0, fastest - 3.0))
+    pulses: list[tuple[float, float, float]] = []
+    start = float(generator.uniform(3.0, 8.0))
+    while start < 110.0:
+        hasty, stops = generator.random(2) < 0.15
+        lasts = float(generator.uniform(2.0, 4.0) if hasty else generator.uniform(3.0, 10.0))
+        wanted = 0.0 if stops else float(np.clip(generator.normal(speed, 6.0), 0.0, fastest))
+        # A pulse's peak is twice its mean.
+        change = float(np.clip(wanted - speed, -4.0 * lasts, 1.5 * lasts))
+        pulses.append((start, lasts, change))
+        speed += change
+        start += lasts + float(generator.uniform(1.0, 8.0))
+    return first, _pulses(*pulses)
+
+
+def _hills(generator: np.random.Generator, town: bool) -> OverTime:
+    """Slopes over the way: each goes over into the next one in a curve. A town's streets climb by
+    up to 17 % from one crossing to the next, which is flatter; other roads by up to 8 %."""
+    curve = generator.uniform(6.0, 12.0) if town else generator.uniform(30.0, 80.0)
+    ends, grades, end = [], [], 0.0
+    while end < 3000.0:
+        grade = generator.uniform(-0.17, 0.17) if town else generator.uniform(-0.08, 0.08)
+        end += generator.uniform(80.0, 140.0) if town else generator.uniform(120.0, 400.0)
+        ends.append(end)
+        grades.append(grade)
+        if town:
+            end += generator.uniform(12.0, 20.0)
+            ends.append(end)
+            grades.append(grade * generator.uniform(0.0, 0.4))
+    at = np.ravel([(end - curve / 2, end + curve / 2) for end in ends[:-1]])
+    slopes = np.ravel(list(zip(grades[:-1], grades[1:], strict=True)))
+
+    def over(way: Array) -> Array:
+        return np.interp(way, at, slopes)
+
+    return over
 
 
 @dataclass(frozen=True)
