@@ -187,6 +187,16 @@ def test_a_hill_is_felt_by_the_accelerometer_alone() -> None:
     assert np.mean(felt) == pytest.approx(9.81 * 0.06, abs=0.2)
 
 
+@pytest.mark.parametrize(("name", "steepest"), [("hilly-01", 0.17), ("hilly-02", 0.08)])
+def test_hills_lie_along_the_way(name: str, steepest: float) -> None:
+    truth = drive_truth(name)
+    assert 0.5 * steepest < np.abs(truth.grade).max() <= steepest
+    steeper = np.diff(truth.grade)
+    assert (steeper[truth.host_speed[1:] == 0.0] == 0.0).all(), "a car that stands climbs nothing"
+    curve = np.abs(steeper / STEP_S).max() / truth.host_speed.max()
+    assert curve < 0.34 / 6.0, "roads have no edges"
+
+
 def test_bumps_are_short_bursts() -> None:
     truth = drive_truth("bumps")
     drive = generate_drive("bumps", 0, "esr")
@@ -426,7 +436,7 @@ def test_an_older_drive_is_replaced(tmp_path: Path) -> None:
         (
             ["x"],
             "make_drive: unknown drive 'x'; there are: "
-            + ", ".join((*NAMES, "traffic-01 to traffic-99")),
+            + ", ".join((*NAMES, "traffic-01 to traffic-99", "hilly-01 to hilly-66")),
         ),
         (
             ["data-1", "--sensor", "y"],

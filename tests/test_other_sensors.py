@@ -268,6 +268,11 @@ def test_a_car_that_comes_to_rest_blames_nobody_without_its_speed(name: str) -> 
     assert [e for e in faults(without_speed(samples)) if not e.fault.size < 0.0] == []
 
 
+@pytest.mark.parametrize("name", ["hilly-03", "hilly-27", "hilly-45"])
+def test_a_towns_streets_bend_up_and_down(name: str) -> None:
+    assert faults(random_sensors_drive(name, 2).samples) == []
+
+
 @pytest.mark.parametrize("told", [True, False])
 def test_what_an_accelerometer_repeats_in_a_car_that_stands_is_not_held(told: bool) -> None:
     """`told`: whether the host's speed is, as far as it is above 0.6 m/s."""

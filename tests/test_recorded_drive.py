@@ -199,6 +199,11 @@ def test_traffic_with_its_stops_raises_no_fault(data: Path, name: str) -> None:
     assert not faults(recorded_sensors_drive(data, name, 1).samples)
 
 
+@pytest.mark.parametrize("name", ["hilly-29", "hilly-57", "hilly-61", "hilly-66"])
+def test_hills_are_no_faults_of_the_accelerometer(data: Path, name: str) -> None:
+    assert not faults(recorded_sensors_drive(data, name, 2).samples)
+
+
 @pytest.mark.parametrize(
     ("name", "seed", "start"),
     [("normal-03", 528, 36.94), ("normal-17", 530, 36.668), ("normal-22", 530, 66.418)],

@@ -616,6 +616,49 @@ def test_a_slope_is_no_fault(car: Car) -> None:
     assert not car.faults_since(start)
 
 
+def bend(car: Car, slope: float, seconds: float) -> None:
+    """The road goes over to another slope, as the accelerometer feels it."""
+    steps = round(seconds * 100)
+    for k in range(steps):
+        car.step(acceleration=slope * (k + 1) / steps)
+    car.drive(2.0, acceleration=slope)
+
+
+@pytest.mark.parametrize(("slope", "seconds"), [(1.4, 0.8), (-1.6, 1.0), (2.3, 1.5)])
+def test_a_road_that_bends_is_no_fault(car: Car, slope: float, seconds: float) -> None:
+    """As a town's streets do at a crossing."""
+    start = car.number
+    bend(car, slope, seconds)
+    assert not car.faults_since(start)
+    assert car.outcomes[-1].reconstruction.acceleration == pytest.approx(slope, abs=0.3)
+    jump = car.number
+    car.drive(0.4, acceleration=slope + 1.5)
+    assert car.faults_since(start) == {"acceleration"}
+    assert car.delay("acceleration", jump) <= 0.3
+
+
+@pytest.mark.parametrize(
+    ("slope", "seconds", "speed", "settings"),
+    [
+        (1.4, 0.01, 12.0, {}),
+        (1.4, 0.8, 21.0, {}),
+        (3.8, 1.5, 12.0, {}),
+        (1.4, 0.8, 12.0, {"steepest_road": 0.0}),
+        (0.5 * 5.0, 5.0, 12.0, {}),
+    ],
+    ids=["at once", "on a fast road", "too steep", "switched off", "a drift"],
+)
+def test_what_no_road_does_is_a_fault(
+    slope: float, seconds: float, speed: float, settings: dict[str, float]
+) -> None:
+    car = Car(**settings)
+    car.speed = speed
+    car.drive(8.0)
+    start = car.number
+    bend(car, slope, seconds)
+    assert car.faults_since(start) == {"acceleration"}
+
+
 def test_a_faulty_host_speed_is_named_and_not_used(car: Car) -> None:
     start = car.number
     report = car.drive(1.0, host_speed=5.0).report

@@ -22,6 +22,7 @@ from lfd_replay.evaluation.requirements.judge import Finding, Judge, kinds_confu
 from lfd_replay.evaluation.requirements.plan import Extent
 from lfd_replay.evaluation.requirements.windows import NEAREST, Run, run_windows
 from lfd_replay.evaluation.trace import JUDGED
+from lfd_replay.generated.lead_profiles import HILLY
 from lfd_replay.journal import Task
 
 KINDS = {
@@ -74,6 +75,17 @@ def _one_signal_in_traffic(title: str, extent: Extent, sensor: str) -> Iterator[
             values = ((signal, value),)
             runs = plan.faults_in_traffic(extent, kind, values, signed, length, sensor=sensor)
             yield Row(f"{title}: {kind} {signal}", tuple(runs), in_traffic_too)
+
+
+def _among_hills(title: str, extent: Extent, sensor: str) -> Iterator[Row]:
+    """Traffic among hills as such sensors see it."""
+    runs = plan.among_hills(extent, sensor)
+    yield Row(f"{title}: healthy", tuple(runs), judges.judge_healthy)
+    blind = plan.among_hills(extent, sensor, host_speed=False)
+    yield Row(f"{title}, no host speed: healthy", tuple(blind), Judge.no_false_events)
+    for size in (2.0, 4.0):
+        runs = plan.faults_among_hills(extent, (("acceleration", size),), sensor)
+        yield Row(f"{title}: acceleration +-{size:g}", tuple(runs), judges.judge_in_traffic)
 
 
 def rows(extent: Extent, recorded: bool) -> list[Row]:
@@ -151,6 +163,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
             runs = plan.recorded_sensors(extent, ((signal, 2.0),), signed=True)
             add(f"{title}: {signal} +-2", runs, partial(judges.judge_offset, size=2.0))
             add(f"{title}: {signal} +-2, rebuilt", runs, of_recorded)
+        made += _among_hills("recorded sensors among hills", extent, RECORDED_SENSORS)
         title = "a phone in traffic"
         add(f"{title}: healthy", plan.phones_in_traffic(extent, True), judges.judge_healthy)
         blind = plan.phones_in_traffic(extent, False)
@@ -165,6 +178,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
         runs = plan.faults_in_traffic(extent, "offset", values, False, sensor=RANDOM_SENSORS)
         add(f"{title}: {name}", runs, judges.judge_in_traffic)
     made += _one_signal_in_traffic(title, extent, RANDOM_SENSORS)
+    made += _among_hills("random sensors among hills", extent, RANDOM_SENSORS)
     held = tuple((signal, None) for signal, _ in radar)
     frozen = plan.spread("hold", held, extent.few, extent.seeds, plan.LENGTH, signed=False)
     add("the whole radar held", frozen, judges.judge_held_radar)
@@ -299,6 +313,7 @@ MECHANISMS: dict[str, tuple[tuple[str, object], ...]] = {
         ("use_host_speed", False),
         ("restart_error", 0.0),
     ),
+    "no bends of the road": (("steepest_road", 0.0),),
     "no latch": (("latch", False),),
     "no V2V (and no host speed)": (("use_host_speed", False), ("use_lead_report", False)),
     "V2V (and no host speed)": (("use_host_speed", False), ("use_lead_report", True)),
@@ -334,7 +349,7 @@ def ablation_runs(extent: Extent, recorded: bool) -> dict[str, list[Run]]:
             for run in plan.spread("ramp", ((signal, value),), drive, (1,), plan.RAMP_LENGTH)
         ],
         "healthy": [
-            *(Run(name, 1) for name in ("cut-in", "bumps", "hill")),
+            *(Run(name, 1) for name in ("cut-in", "bumps", "hill", *HILLY[:6])),
             Run("braking", 1, peak=-8.0),
             *(Run(drive[0], 1, sensor=sensor) for sensor in plan.OTHER_SENSORS),
         ],

@@ -11,7 +11,7 @@ from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS
 from lfd_replay.evaluation.recorded_tracks import BACKWARD, COUNT, TRACK
 from lfd_replay.evaluation.recorded_views import PHONES, VIEWS
 from lfd_replay.evaluation.requirements.windows import AFTER, NEAREST, Run
-from lfd_replay.generated.lead_profiles import NORMAL, TRAFFIC, lead_profile
+from lfd_replay.generated.lead_profiles import HILLY, NORMAL, TRAFFIC, lead_profile
 
 COMBINATIONS = {
     "clearance and relative velocity": PAPER[:2],
@@ -147,9 +147,11 @@ def recorded_sensors_healthy(extent: Extent) -> list[Run]:
     return [replace(run, sensor=RECORDED_SENSORS) for run in runs]
 
 
-def in_traffic(extent: Extent, sensor: str, host_speed: bool = True) -> list[Run]:
-    """Traffic as such sensors see it."""
-    names = TRAFFIC[:: len(NORMAL) // len(extent.normal)]
+def in_traffic(
+    extent: Extent, sensor: str, host_speed: bool = True, drives: tuple[str, ...] = TRAFFIC
+) -> list[Run]:
+    """Traffic, or such `drives`, as such sensors see it."""
+    names = drives[:: len(NORMAL) // len(extent.normal)]
     return [
         Run(name, seed, sensor=sensor, host_speed=host_speed)
         for name in names
@@ -165,11 +167,22 @@ def faults_in_traffic(
     length: float = LENGTH,
     *,
     sensor: str,
+    drives: tuple[str, ...] = TRAFFIC,
 ) -> list[Run]:
-    """Faults in traffic as such sensors see it."""
-    names = TRAFFIC[:: 3 * len(NORMAL) // len(extent.normal)]
+    """Faults in traffic, or such `drives`, as such sensors see it."""
+    names = drives[:: 3 * len(NORMAL) // len(extent.normal)]
     given = {"signed": signed, "sensor": sensor}
     return spread(kind, values, names, extent.seeds[:1], length, **given)
+
+
+def among_hills(extent: Extent, sensor: str, host_speed: bool = True) -> list[Run]:
+    """Traffic among hills as such sensors see it."""
+    return in_traffic(extent, sensor, host_speed, HILLY)
+
+
+def faults_among_hills(extent: Extent, values: tuple, sensor: str) -> list[Run]:
+    """Offsets of both signs there."""
+    return faults_in_traffic(extent, "offset", values, True, sensor=sensor, drives=HILLY)
 
 
 def phones_in_traffic(extent: Extent, host_speed: bool) -> list[Run]:
