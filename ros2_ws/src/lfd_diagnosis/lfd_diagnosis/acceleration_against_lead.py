@@ -57,7 +57,7 @@ SWINGS = 16
 JUMP_MEMORY = 25
 """Steps after a jump in which it is held against the observers."""
 
-BRAKED, RELEASED, ANSWER = 1.5, 1.0, 50
+BRAKED, RELEASED, ANSWER = 1.5, 1.75, 50
 """m/s^2 of braking that ends at once where a car comes to rest, m/s^2 up to which what is felt
 afterwards is its end, and steps after which radar and observers have surely answered it."""
 

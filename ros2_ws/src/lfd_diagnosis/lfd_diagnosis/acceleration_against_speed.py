@@ -46,7 +46,7 @@ from lfd_diagnosis.host_speed import (
     seldom_heard,
     speed_seems_held,
 )
-from lfd_diagnosis.road_bend import follow_bend, is_bending, slope_now
+from lfd_diagnosis.road_bend import follow_bend, has_bent, slope_now
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
@@ -128,13 +128,7 @@ def against_speed(monitor, settings):
     learning = 1.0 + 2.0 * max(0.0, 1.0 - monitor.slope_known / WARM_UP)
     allowance = allowance_of(monitor, settings)
     sigma = settings.acceleration_sigma
-    bend = monitor.bend
-    follow_bend(bend, off, monitor.speed.derivative)
-    bending = is_bending(bend, monitor.jump, monitor.speed.last, settings.steepest_road)
-    if bending and not monitor.leapt_for:
-        monitor.slope = slope_now(bend)
-        forget_baseline(monitor)
-        monitor.baseline = monitor.slope
+    _follow_road(monitor, settings, off)
     step, slow = off - monitor.baseline, off - monitor.slope
     step_limit = max(settings.acceleration_step_limit, sigma * deviation(monitor.step_noise))
     slow_limit = max(settings.acceleration_limit, sigma * deviation(monitor.slow_noise))
@@ -160,7 +154,27 @@ def against_speed(monitor, settings):
     elif not monitor.confidence:
         monitor.reference = np.nan
         healthy = abs(step) < LEAST * step_limit
+        # Within wider limits it may be anything.
+        if allowance < step_limit:
+            _follow_baseline(monitor, off)
         _learn(monitor, settings, off, jerk, step if healthy else np.nan, slow_limit)
+
+
+@inner
+def _follow_road(monitor, settings, off):
+    """A road that bends is another slope."""
+    bend, speed = monitor.bend, monitor.speed
+    steepest = 0.0 if monitor.leapt_for else settings.steepest_road
+    bent = follow_bend(bend, monitor.jump, off, speed.derivative, speed.last, steepest)
+    if bent:
+        monitor.slope += bent
+        monitor.baseline += bent
+        for i in range(monitor.recent.count):
+            monitor.recent.values[i] += bent
+    elif has_bent(bend):
+        monitor.slope = slope_now(bend)
+        forget_baseline(monitor)
+        monitor.baseline = monitor.slope
 
 
 @inner
@@ -246,7 +260,6 @@ def _lag(monitor, settings):
 @inner
 def _learn(monitor, settings, off, jerk, step, slow_limit):
     """Slope, noise and lag, from a healthy step."""
-    _follow_baseline(monitor, off)
     if abs(off) > STEEPEST or abs(jerk) > POSSIBLE_JERK:
         return
     monitor.slope_known += STEP_S

@@ -13,21 +13,26 @@ EVERY, KEPT, MEAN = 5, 24, 4
 """Steps between two values that are kept, how many are (over 1.2 s), and how many of them a mean is
 made of: its newest and its oldest one are a second apart."""
 
-FASTER = 0.6
-"""m/s^2 that no drift changes within that second."""
+DRIFT, FASTER, FLAT = 0.5, 0.65, 0.25
+"""m/s^2 that a drift may change within that second, that none does, and up to which the road does
+not bend any more."""
+
+LEAST, REST = 10, 40
+"""Values after a bend that tell whether it was one: a drift goes on."""
 
 STEADY = 2.5
 """m/s^2 by which the host's acceleration may change meanwhile: a manoeuvre shows every lag, and
 looks like a bend."""
 
-FASTEST = 20.0
+FASTEST = 15.0
 """m/s up to which roads bend so sharply."""
 
 ROAD_BEND = np.dtype(
-    [("differences", RING), ("derivatives", RING), ("steps", "i8")],
+    [("differences", RING), ("derivatives", RING), ("steps", "i8"), ("since", "i8")],
     align=True,
 )
-"""Lately: differences between accelerometer and speed, and the speed's derivatives, in m/s^2."""
+"""Lately: differences between accelerometer and speed, and the speed's derivatives, in m/s^2;
+`since`: values since a bend."""
 
 
 @inner
@@ -35,16 +40,7 @@ def start_bend(bend):
     """Begin with nothing."""
     start_ring(bend.differences, KEPT)
     start_ring(bend.derivatives, KEPT)
-    bend.steps = 0
-
-
-@inner
-def follow_bend(bend, difference, derivative):
-    """Take one step's difference and derivative (m/s^2)."""
-    if bend.steps % EVERY == 0:
-        append(bend.differences, difference)
-        append(bend.derivatives, derivative)
-    bend.steps += 1
+    bend.steps = bend.since = 0
 
 
 @inner
@@ -55,12 +51,41 @@ def slope_now(bend):
 
 
 @inner
-def is_bending(bend, jump, speed, steepest):
-    """Whether the road bends, at that host speed (m/s), towards no more than the `steepest` slope
-    (m/s^2); `jump` tells what comes at once."""
-    if speed > FASTEST or not is_full(bend.differences) or abs(slope_now(bend)) > steepest:
+def follow_bend(bend, jump, difference, derivative, speed, steepest):
+    """Take one step's difference and derivative (m/s^2) at that speed (m/s); returns by how much
+    the slope of the road is known to have changed (m/s^2), none being steeper than `steepest`."""
+    bend.steps += 1
+    if bend.steps % EVERY:
+        return 0.0
+    append(bend.differences, difference)
+    append(bend.derivatives, derivative)
+    if not is_full(bend.differences):
+        return 0.0
+    if bend.since:
+        bend.since += 1
+    now = slope_now(bend)
+    changed = now - mean_of(bend.differences, 0, MEAN)
+    possible = speed <= FASTEST and abs(now) <= steepest and range_of(bend.derivatives) <= STEADY
+    if abs(changed) < FASTER + jump_deviation(jump) or not possible:
+        return 0.0
+    if came_at_once(jump, changed):
+        return 0.0
+    bend.since = 1
+    changed -= DRIFT if changed > 0.0 else -DRIFT
+    differences = bend.differences
+    for i in range(KEPT - MEAN):
+        differences.values[(differences.next + i) % KEPT] += changed
+    return changed
+
+
+@inner
+def has_bent(bend):
+    """Whether the road just bent, and does not go on bending, as a drift would."""
+    if not bend.since or bend.steps % EVERY:
         return False
-    changed = slope_now(bend) - mean_of(bend.differences, 0, MEAN)
-    if abs(changed) < FASTER + jump_deviation(jump) or range_of(bend.derivatives) > STEADY:
-        return False
-    return not came_at_once(jump, changed)
+    bent = bend.since > LEAST
+    if bent:
+        bent = abs(slope_now(bend) - mean_of(bend.differences, 0, MEAN)) < FLAT
+    if bent or bend.since > REST:
+        bend.since = 0
+    return bent
