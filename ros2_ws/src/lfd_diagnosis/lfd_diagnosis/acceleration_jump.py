@@ -103,17 +103,16 @@ def least_beyond(jump, steps):
 
 @inner
 def came_at_once(jump, change):
-    """Whether the differences changed by `change` (m/s^2) as a sensor jumps, not as a road bends;
-    also where nothing tells."""
+    """Whether what changed the differences by `change` (m/s^2) jumps to and fro as a sensor does,
+    not as a road bends; also where nothing tells."""
     split = _best_split(jump)
     if not split:
         return True
     least = AT_ONCE * abs(change)
-    side = 1.0 if change > 0.0 else -1.0
     for ago in range(max(split - NEAR, 1), min(split + NEAR, jump.count - SHARP) + 1):
         window = min(ago, SHARP)
         after = _sum(jump, ago - window, ago) / window
-        if side * (after - _sum(jump, ago, ago + SHARP) / SHARP) > least:
+        if abs(after - _sum(jump, ago, ago + SHARP) / SHARP) > least:
             return True
     return False
 

@@ -24,8 +24,8 @@ STEADY = 2.5
 """m/s^2 by which the host's acceleration may change meanwhile: a manoeuvre shows every lag, and
 looks like a bend."""
 
-FASTEST = 15.0
-"""m/s up to which roads bend so sharply."""
+SLOWEST, FASTEST = 1.0, 15.0
+"""m/s from which on a car surely goes round a bend, and up to which roads bend so sharply."""
 
 ROAD_BEND = np.dtype(
     [("differences", RING), ("derivatives", RING), ("steps", "i8"), ("since", "i8")],
@@ -65,8 +65,9 @@ def follow_bend(bend, jump, difference, derivative, speed, steepest):
         bend.since += 1
     now = slope_now(bend)
     changed = now - mean_of(bend.differences, 0, MEAN)
-    possible = speed <= FASTEST and abs(now) <= steepest and range_of(bend.derivatives) <= STEADY
-    if abs(changed) < FASTER + jump_deviation(jump) or not possible:
+    if abs(changed) < FASTER + jump_deviation(jump) or abs(now) > steepest:
+        return 0.0
+    if not SLOWEST <= speed <= FASTEST or range_of(bend.derivatives) > STEADY:
         return 0.0
     if came_at_once(jump, changed):
         return 0.0
