@@ -833,6 +833,23 @@ def test_without_host_speed_what_comes_on_like_brakes_and_is_not_answered_is_fou
     assert car.faults_since(start) == {"acceleration"}
 
 
+@pytest.mark.parametrize(("slope", "faults"), [(0.0, set()), (1.6, set()), (2.0, {"acceleration"})])
+def test_without_host_speed_a_car_that_stops_on_a_slope_feels_the_slope(
+    slope: float, faults: set
+) -> None:
+    """Behind a lead at rest, which the radar tells 0.15 s late; roads are hardly steeper."""
+    car = Car(host_speed=False)
+    car.velocity, car.clearance = -8.0, 120.0
+    car.drive(8.0, acceleration=slope)
+    start, late = car.number, [-8.0] * 15
+    for k in range(400):
+        stands = k >= 200
+        late.append(0.0 if stands else -8.0 + 0.04 * k)
+        car.velocity = late[-15]
+        car.step(acceleration=slope - (0.0 if stands else 4.0 * min(k / 20, 1.0)))
+    assert car.faults_since(start) == faults
+
+
 def test_the_leads_word_finds_what_nothing_else_does() -> None:
     found = {}
     for lead in (True, False):
