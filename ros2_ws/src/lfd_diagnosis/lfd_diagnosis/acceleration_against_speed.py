@@ -166,15 +166,15 @@ def _follow_road(monitor, settings, off):
     bend, speed = monitor.bend, monitor.speed
     steepest = 0.0 if monitor.leapt_for else settings.steepest_road
     bent = follow_bend(bend, monitor.jump, off, speed.derivative, speed.last, steepest)
-    if bent:
+    if has_bent(bend):
+        monitor.slope = slope_now(bend)
+        forget_baseline(monitor)
+        monitor.baseline = monitor.slope
+    elif bent:
         monitor.slope += bent
         monitor.baseline += bent
         for i in range(monitor.recent.count):
             monitor.recent.values[i] += bent
-    elif has_bent(bend):
-        monitor.slope = slope_now(bend)
-        forget_baseline(monitor)
-        monitor.baseline = monitor.slope
 
 
 @inner

@@ -20,6 +20,9 @@ not bend any more."""
 LEAST, REST = 10, 40
 """Values after a bend that tell whether it was one: a drift goes on."""
 
+SURE = 0.5
+"""m/s^2 of a bend beyond what a drift may have made of it from which on it surely is one."""
+
 STEADY = 2.5
 """m/s^2 by which the host's acceleration may change meanwhile: a manoeuvre shows every lag, and
 looks like a bend."""
@@ -28,11 +31,17 @@ SLOWEST, FASTEST = 1.0, 15.0
 """m/s from which on a car surely goes round a bend, and up to which roads bend so sharply."""
 
 ROAD_BEND = np.dtype(
-    [("differences", RING), ("derivatives", RING), ("steps", "i8"), ("since", "i8")],
+    [
+        ("differences", RING),
+        ("derivatives", RING),
+        ("steps", "i8"),
+        ("since", "i8"),
+        ("bent", "f8"),
+    ],
     align=True,
 )
 """Lately: differences between accelerometer and speed, and the speed's derivatives, in m/s^2;
-`since`: values since a bend."""
+`since`: values since a bend; `bent`: by how much it did beyond a drift."""
 
 
 @inner
@@ -41,6 +50,7 @@ def start_bend(bend):
     start_ring(bend.differences, KEPT)
     start_ring(bend.derivatives, KEPT)
     bend.steps = bend.since = 0
+    bend.bent = 0.0
 
 
 @inner
@@ -72,7 +82,9 @@ def follow_bend(bend, jump, difference, derivative, speed, steepest):
     if came_at_once(jump, changed):
         return 0.0
     bend.since = 1
-    changed -= DRIFT if changed > 0.0 else -DRIFT
+    bend.bent += abs(changed) - DRIFT
+    if bend.bent < SURE:
+        changed -= DRIFT if changed > 0.0 else -DRIFT
     differences = bend.differences
     for i in range(KEPT - MEAN):
         differences.values[(differences.next + i) % KEPT] += changed
@@ -81,12 +93,13 @@ def follow_bend(bend, jump, difference, derivative, speed, steepest):
 
 @inner
 def has_bent(bend):
-    """Whether the road just bent, and does not go on bending, as a drift would."""
-    if not bend.since or bend.steps % EVERY:
+    """Whether the road surely bends just now, or just bent and does not go on, as a drift would."""
+    if bend.steps % EVERY or not bend.since:
         return False
-    bent = bend.since > LEAST
-    if bent:
-        bent = abs(slope_now(bend) - mean_of(bend.differences, 0, MEAN)) < FLAT
-    if bent or bend.since > REST:
-        bend.since = 0
-    return bent
+    if bend.since == 1:
+        return bend.bent >= SURE
+    changed = slope_now(bend) - mean_of(bend.differences, 0, MEAN)
+    flat = bend.since > LEAST and abs(changed) < FLAT
+    if flat or bend.since > REST:
+        bend.since, bend.bent = 0, 0.0
+    return flat
