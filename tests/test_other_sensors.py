@@ -273,11 +273,6 @@ def test_a_towns_streets_bend_up_and_down(name: str) -> None:
     assert faults(random_sensors_drive(name, 2).samples) == []
 
 
-def test_hard_braking_teaches_nothing_of_the_slope() -> None:
-    """While limits are widened by a jerk, what lies within them may be the jerk's."""
-    assert faults(random_sensors_drive("traffic-36", 4).samples) == []
-
-
 @pytest.mark.parametrize("told", [True, False])
 def test_what_an_accelerometer_repeats_in_a_car_that_stands_is_not_held(told: bool) -> None:
     """`told`: whether the host's speed is, as far as it is above 0.6 m/s."""

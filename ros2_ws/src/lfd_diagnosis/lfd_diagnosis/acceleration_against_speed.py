@@ -154,9 +154,6 @@ def against_speed(monitor, settings):
     elif not monitor.confidence:
         monitor.reference = np.nan
         healthy = abs(step) < LEAST * step_limit
-        # Within wider limits it may be anything.
-        if allowance < step_limit:
-            _follow_baseline(monitor, off)
         _learn(monitor, settings, off, jerk, step if healthy else np.nan, slow_limit)
 
 
@@ -164,7 +161,9 @@ def against_speed(monitor, settings):
 def _follow_road(monitor, settings, off):
     """A road that bends is another slope."""
     bend, speed = monitor.bend, monitor.speed
-    steepest = 0.0 if monitor.leapt_for else settings.steepest_road
+    # What leaps, or a speed that says the same, tells nothing of the road.
+    told = not monitor.leapt_for and speed.held_for <= settings.host_speed_filter_time
+    steepest = settings.steepest_road if told else 0.0
     bent = follow_bend(bend, monitor.jump, off, speed.derivative, speed.last, steepest)
     if has_bent(bend):
         monitor.slope = slope_now(bend)
@@ -260,6 +259,7 @@ def _lag(monitor, settings):
 @inner
 def _learn(monitor, settings, off, jerk, step, slow_limit):
     """Slope, noise and lag, from a healthy step."""
+    _follow_baseline(monitor, off)
     if abs(off) > STEEPEST or abs(jerk) > POSSIBLE_JERK:
         return
     monitor.slope_known += STEP_S
