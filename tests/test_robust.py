@@ -662,6 +662,37 @@ def test_what_no_road_does_is_a_fault(
     assert car.faults_since(start) == {"acceleration"}
 
 
+@pytest.mark.parametrize(("braking", "faults"), [(1.0, set()), (4.0, {"acceleration"})])
+def test_a_manoeuvre_looks_like_a_bend_and_tells_of_none(braking: float, faults: set) -> None:
+    """The road bends by 1.8 m/s^2 as the car begins to brake, by less and more than 2.5 m/s^2."""
+    car = Car()
+    car.speed = 14.0
+    car.drive(8.0)
+    start = car.number
+    for k in range(200):
+        braked, slope = -braking * min(k / 80, 1.0), 1.8 * min(k / 80, 1.0)
+        car.speed += 0.01 * braked
+        car.step(acceleration=braked + slope)
+    assert car.faults_since(start) == faults
+
+
+@pytest.mark.parametrize(("step", "faults"), [(0.1, set()), (0.25, {"acceleration"})])
+def test_a_coarse_host_speed_tells_of_no_bend(step: float, faults: set) -> None:
+    car = Car()
+
+    def drive(slope: float) -> None:
+        car.speed += 0.01 * 0.8
+        car.step(acceleration=0.8 + slope, host_speed_is=step * round(car.speed / step))
+
+    car.speed = 3.0
+    for _ in range(800):
+        drive(0.0)
+    start = car.number
+    for k in range(300):
+        drive(1.6 * min((k + 1) / 80, 1.0))
+    assert car.faults_since(start) == faults
+
+
 def test_a_faulty_host_speed_is_named_and_not_used(car: Car) -> None:
     start = car.number
     report = car.drive(1.0, host_speed=5.0).report

@@ -34,7 +34,6 @@ from lfd_diagnosis.healthy_signal import (
     is_full,
     is_rough,
     learn_noise,
-    resolution_of,
 )
 from lfd_diagnosis.host_speed import (
     JERK_FILTER,
@@ -46,6 +45,7 @@ from lfd_diagnosis.host_speed import (
     rattles,
     seldom_heard,
     speed_seems_held,
+    tells_of_bends,
 )
 from lfd_diagnosis.road_bend import follow_bend, has_bent, slope_now
 from lfd_diagnosis.verdict import Kind
@@ -54,9 +54,6 @@ from lfd_mpc.settings import STEP_S
 
 GENTLE = 2.0
 """m/s^3 up to which the accelerometer's jerk may as well be its noise, or a fault."""
-
-COARSE = 0.15
-"""m/s of resolution from which on a speed's derivative bends by itself."""
 
 WARM_UP = 3.0
 """Seconds over which the limits come down from thrice to once their width."""
@@ -165,9 +162,7 @@ def against_speed(monitor, settings):
 def _follow_road(monitor, settings, off):
     """A road that bends is another slope."""
     bend, speed = monitor.bend, monitor.speed
-    # What leaps, or a speed that says the same or is rounded much, tells nothing of the road.
-    told = not monitor.leapt_for and speed.held_for <= settings.host_speed_filter_time
-    told = told and resolution_of(speed.roughness) <= COARSE
+    told = tells_of_bends(speed, settings) and not monitor.leapt_for
     steepest = settings.steepest_road if told else 0.0
     bent = follow_bend(bend, monitor.jump, off, speed.derivative, speed.last, steepest)
     if has_bent(bend):

@@ -63,6 +63,9 @@ RATTLE, RATTLES, BUMP = 4.0, 9, 30
 wheel that was so shaken is not believed to the last, and for how many the road may still shake the
 car."""
 
+COARSE = 0.15
+"""m/s of resolution beyond which the derivative goes up and down as on a road that bends."""
+
 POSSIBLE_ACCELERATION = 15.0
 """m/s^2 that a car may reach, a crash apart."""
 
@@ -235,8 +238,21 @@ def speed_seems_held(speed, agrees_with_then, is_unlikely):
 def hides_by_rounding(speed, settings):
     """Whether it has said the same for a while, as what is felt since then may well be less than
     one of its steps: so far its derivative tells nothing."""
-    for_a_while = speed.held_for > settings.host_speed_filter_time
-    return for_a_while and abs(speed.missed) < resolution_of(speed.roughness)
+    missed_less = abs(speed.missed) < resolution_of(speed.roughness)
+    return _says_the_same(speed, settings) and missed_less
+
+
+@inner
+def tells_of_bends(speed, settings):
+    """Whether its derivative is fine enough to tell a bend of the road by."""
+    fine = resolution_of(speed.roughness) <= COARSE
+    return fine and not _says_the_same(speed, settings)
+
+
+@inner
+def _says_the_same(speed, settings):
+    """Whether it has for a while."""
+    return speed.held_for > settings.host_speed_filter_time
 
 
 @inner

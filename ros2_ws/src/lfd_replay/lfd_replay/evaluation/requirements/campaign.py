@@ -79,12 +79,13 @@ def _one_signal_in_traffic(title: str, extent: Extent, sensor: str) -> Iterator[
 
 def _among_hills(title: str, extent: Extent, sensor: str) -> Iterator[Row]:
     """Traffic among hills as such sensors see it."""
-    runs = plan.among_hills(extent, sensor)
+    runs = plan.in_traffic(extent, sensor, drives=HILLY)
     yield Row(f"{title}: healthy", tuple(runs), judges.judge_healthy)
-    blind = plan.among_hills(extent, sensor, host_speed=False)
+    blind = plan.in_traffic(extent, sensor, host_speed=False, drives=HILLY)
     yield Row(f"{title}, no host speed: healthy", tuple(blind), Judge.no_false_events)
     for size in (2.0, 4.0):
-        runs = plan.faults_among_hills(extent, (("acceleration", size),), sensor)
+        values = (("acceleration", size),)
+        runs = plan.faults_in_traffic(extent, "offset", values, True, sensor=sensor, drives=HILLY)
         yield Row(f"{title}: acceleration +-{size:g}", tuple(runs), judges.judge_in_traffic)
 
 

@@ -11,7 +11,7 @@ from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS
 from lfd_replay.evaluation.recorded_tracks import BACKWARD, COUNT, TRACK
 from lfd_replay.evaluation.recorded_views import PHONES, VIEWS
 from lfd_replay.evaluation.requirements.windows import AFTER, NEAREST, Run
-from lfd_replay.generated.lead_profiles import HILLY, NORMAL, TRAFFIC, lead_profile
+from lfd_replay.generated.lead_profiles import NORMAL, TRAFFIC, lead_profile
 
 COMBINATIONS = {
     "clearance and relative velocity": PAPER[:2],
@@ -173,16 +173,6 @@ def faults_in_traffic(
     names = drives[:: 3 * len(NORMAL) // len(extent.normal)]
     given = {"signed": signed, "sensor": sensor}
     return spread(kind, values, names, extent.seeds[:1], length, **given)
-
-
-def among_hills(extent: Extent, sensor: str, host_speed: bool = True) -> list[Run]:
-    """Traffic among hills as such sensors see it."""
-    return in_traffic(extent, sensor, host_speed, HILLY)
-
-
-def faults_among_hills(extent: Extent, values: tuple, sensor: str) -> list[Run]:
-    """Offsets of both signs there."""
-    return faults_in_traffic(extent, "offset", values, True, sensor=sensor, drives=HILLY)
 
 
 def phones_in_traffic(extent: Extent, host_speed: bool) -> list[Run]:
