@@ -676,6 +676,29 @@ def test_a_manoeuvre_looks_like_a_bend_and_tells_of_none(braking: float, faults:
     assert car.faults_since(start) == faults
 
 
+@pytest.mark.parametrize(
+    ("change", "faults", "settings"),
+    [
+        (-1.8, set(), {}),
+        (-2.4, {"acceleration"}, {}),
+        (1.8, {"acceleration"}, {}),
+        (-1.8, {"acceleration"}, {"steepest_road": 0.0}),
+    ],
+    ids=["down", "farther", "up", "switched off"],
+)
+def test_a_slope_ends_rather_than_an_accelerometer_drifts(
+    change: float, faults: set, settings: dict[str, float]
+) -> None:
+    """As slowly as it drifts, the road turns down at the top of a hill."""
+    car = Car(**settings)
+    for k in range(1800):
+        car.step(acceleration=0.9 * min(k / 1200, 1.0))
+    start = car.number
+    for k in range(600):
+        car.step(acceleration=0.9 + change * min(k / 360, 1.0))
+    assert car.faults_since(start) == faults
+
+
 @pytest.mark.parametrize(("step", "faults"), [(0.1, set()), (0.25, {"acceleration"})])
 def test_a_coarse_host_speed_tells_of_no_bend(step: float, faults: set) -> None:
     car = Car()

@@ -88,6 +88,10 @@ SLOPE_TIME = 4.0
 BURST, SHAKEN_SIGMA = 0.15, 2.0
 """Share of a shaking's rms by which limits widen, and deviations of what it leaves, if more."""
 
+ENDING = 0.5
+"""Share of a slope: what changes by so much more towards level ground is the road rather than a drift,
+as every slope ends."""
+
 LASTING, LARGE, LARGE_FOR_SWINGS = 6, 2.0, 3.0
 """Steps for which a jump must have lasted, and how many times its limit it must be, to be seen in
 the samples as they are; and if bumps swing the sensor."""
@@ -134,6 +138,7 @@ def against_speed(monitor, settings):
     step_limit = max(settings.acceleration_step_limit, sigma * deviation(monitor.step_noise))
     slow_limit = max(settings.acceleration_limit, sigma * deviation(monitor.slow_noise))
     sudden, gradual = learning * step_limit + allowance, learning * slow_limit + allowance
+    gradual += _levelling(monitor, settings, slow)
     check = monitor.check
     # What jumped is held against a moment ago: the slope may have changed since its slow mean.
     if abs(step) < sudden and abs(slow) / gradual > abs(step) / sudden:
@@ -174,6 +179,14 @@ def _follow_road(monitor, settings, off):
         monitor.baseline += bent
         for i in range(monitor.recent.count):
             monitor.recent.values[i] += bent
+
+
+@inner
+def _levelling(monitor, settings, slow):
+    """By how many m/s^2 a gradual limit is wider for what may be the end of the slope."""
+    if slow * monitor.slope >= 0.0:
+        return 0.0
+    return ENDING * min(abs(monitor.slope), settings.steepest_road)
 
 
 @inner
