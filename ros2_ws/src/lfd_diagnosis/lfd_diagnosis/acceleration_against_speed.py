@@ -89,8 +89,8 @@ BURST, SHAKEN_SIGMA = 0.15, 2.0
 """Share of a shaking's rms by which limits widen, and deviations of what it leaves, if more."""
 
 ENDING = 0.5
-"""Share of a slope: what changes by so much more towards level ground is the road rather than a drift,
-as every slope ends."""
+"""Share of a slope by which what changes towards level ground may be off longer: every slope ends,
+and that is the road rather than a drift."""
 
 LASTING, LARGE, LARGE_FOR_SWINGS = 6, 2.0, 3.0
 """Steps for which a jump must have lasted, and how many times its limit it must be, to be seen in
