@@ -199,7 +199,7 @@ def test_traffic_with_its_stops_raises_no_fault(data: Path, name: str) -> None:
     assert not faults(recorded_sensors_drive(data, name, 1).samples)
 
 
-@pytest.mark.parametrize("name", ["hilly-17", "hilly-55", "hilly-61"])
+@pytest.mark.parametrize("name", ["hilly-17", "hilly-33", "hilly-55", "hilly-61", "hilly-63"])
 def test_hills_are_no_faults_of_the_accelerometer(data: Path, name: str) -> None:
     assert not faults(recorded_sensors_drive(data, name, 2).samples)
 
