@@ -26,6 +26,9 @@ HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 
 its resolution, by host and lead, and m/s^2 of doubt about the lead after a second; or deviations of
 the clearance's noise by which that leaves the path, filtered by a share."""
 
+CONFIRMED = 0.5
+"""Share of that which need not be seen by the clearance if host and lead say the same."""
+
 REFUTED = 2.0
 """Times that by which the clearance may be off by itself, by which it must have been expected to be
 off before it says anything that it is not."""
@@ -91,6 +94,12 @@ def _nearest_to_zero(first, second):
 
 
 @inner
+def stand_both(radar):
+    """Whether the car stands, and its lead may, too."""
+    return not radar.host_moves and abs(radar.measured_velocity.value) < AT_REST
+
+
+@inner
 def velocity_seems_held(radar):
     """Whether the relative velocity has said the same for longer than chance would have it."""
     return is_beyond_chance(radar.velocity.repetition, radar.velocity.repetition.run)
@@ -150,7 +159,7 @@ def is_stuck(radar, settings, signal, of_clearance, changed):
     """A value repeated for too long, or though it should have `changed`."""
     if of_clearance and not _repeats_itself(radar):
         return changed and is_held(signal)
-    if not radar.host_moves:
+    if of_clearance and not radar.host_moves or stand_both(radar):
         return False
     if not of_clearance:
         if _has_left(radar, settings) and velocity_seems_held(radar):
@@ -203,13 +212,18 @@ def should_have_changed(radar, settings, signal, of_clearance):
             rate = _rate_before(radar, clearance.last_at - held_for)
             travelled = _nearest_to_zero(travelled, travelled + rate * held_for)
         return abs(travelled) > moved
-    step, held_for = resolution_of(signal.roughness), signal.last_at - radar.held_since
+    return radar.most_changed > _change_in_doubt(radar) or _has_left(radar, settings)
+
+
+@inner
+def _change_in_doubt(radar):
+    """How much (m/s) host and lead must have changed a relative velocity that repeats itself."""
+    velocity = radar.velocity
+    step, held_for = resolution_of(velocity.roughness), velocity.last_at - radar.held_since
     known_for = max(radar.held_since - radar.begun_at, 0.0)
     change = max(HELD_CHANGE, CHANGE_STEPS * step) + LEAD_DOUBT * max(held_for - 1.0, 0.0)
     change += UNKNOWN_LEAD * exp(-known_for / SLOW) * held_for
-    if isnan(radar.host_speed):
-        change += BLIND_DOUBT * held_for
-    return radar.most_changed > change or _has_left(radar, settings)
+    return change + BLIND_DOUBT * held_for if isnan(radar.host_speed) else change
 
 
 @inner
@@ -232,7 +246,7 @@ def _usually_off(radar, settings):
     """How far (m) the clearance may be off the path of a relative velocity that repeats itself
     rightly."""
     held_for = radar.velocity.last_at - radar.held_since
-    beside = sqrt(radar.clearance.noise.variance + WANDERING * wander_of(radar, settings))
+    beside = sqrt(radar.clearance.noise.variance + wander_of(radar, settings))
     off = HELD_OFF * beside + 0.5 * resolution_of(radar.velocity.roughness) * held_for
     return off + 0.5 * resolution_of(radar.clearance.roughness)
 
@@ -253,7 +267,10 @@ def _has_left(radar, settings):
     """Whether the clearance has left the path of a relative velocity that repeats itself."""
     if not _is_followed(radar):
         return False
-    off, left = _usually_off(radar, settings), radar.off_while_held
+    left = radar.off_while_held
+    off = _usually_off(radar, settings)
+    if radar.changed_while_held * left > 0.0:
+        off *= 1.0 - CONFIRMED * min(abs(radar.changed_while_held) / _change_in_doubt(radar), 1.0)
     if abs(left) > off:
         # What had been leaving it before leaves it for another reason.
         held_for = radar.velocity.last_at - radar.held_since

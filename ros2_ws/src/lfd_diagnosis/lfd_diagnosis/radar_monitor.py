@@ -23,6 +23,7 @@ from lfd_diagnosis.held_radar import (
     follow_held_velocity,
     is_stuck,
     should_have_changed,
+    stand_both,
     take_back_held,
     velocity_seems_held,
 )
@@ -122,6 +123,10 @@ SHIFT_AGAIN = 1.0
 DRIFT_SEEN, DRIFT_DOUBT = 1.0, 0.35
 """Seconds in which it is seen how fast a clearance drifts, and share of a jump of the relative
 velocity by which that may differ from it."""
+
+NOT_REPEATED = 0.3
+"""m/s by which a relative velocity goes on from what it repeated if that had long been wrong: a
+recorded radar says nothing new before it is 0.23 m/s."""
 
 DRIVES_OFF = 0.75
 """m/s^2 that no relative velocity drifts by."""
@@ -234,15 +239,17 @@ def _scan(radar, settings, track_id):
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
     # Where one of the two is held, the other may be, too.
     held = is_either_held(radar)
-    if not radar.host_moves:
-        # Behind a car that stands, too, the relative velocity is the same for long.
+    if stand_both(radar):
+        # The relative velocity is the same for long.
         excuse_repetition(radar.velocity.repetition, radar.velocity.faulty)
     learn = radar.host_moves and not held
     same_clearance = clearance.new and take_repetition(
         radar.clearance.repetition, clearance.value, learn and not radar.clearance.faulty
     )
+    # A run that ends with a jump was no healthy one.
+    jumps = abs(velocity.value - radar.velocity.last) > NOT_REPEATED
     same_velocity = velocity.new and take_repetition(
-        radar.velocity.repetition, velocity.value, learn and not radar.velocity.faulty
+        radar.velocity.repetition, velocity.value, learn and not (radar.velocity.faulty or jumps)
     )
     whole = clearance.new and velocity.new
     period = clearance.at - radar.clearance.last_at
