@@ -29,7 +29,7 @@ the clearance's noise by which that leaves the path, filtered by a share."""
 CONFIRMED = 0.5
 """Share of that which need not be seen by the clearance if host and lead say the same."""
 
-REFUTED = 2.0
+REFUTED = 3.0
 """Times that by which the clearance may be off by itself, by which it must have been expected to be
 off before it says anything that it is not."""
 
@@ -220,7 +220,8 @@ def _change_in_doubt(radar):
     """How much (m/s) host and lead must have changed a relative velocity that repeats itself."""
     velocity = radar.velocity
     step, held_for = resolution_of(velocity.roughness), velocity.last_at - radar.held_since
-    known_for = max(radar.held_since - radar.begun_at, 0.0)
+    # Nor is a lead known whose relative velocity was faulty.
+    known_for = max(radar.held_since - max(radar.begun_at, velocity.faulty_at), 0.0)
     change = max(HELD_CHANGE, CHANGE_STEPS * step) + LEAD_DOUBT * max(held_for - 1.0, 0.0)
     change += UNKNOWN_LEAD * exp(-known_for / SLOW) * held_for
     return change + BLIND_DOUBT * held_for if isnan(radar.host_speed) else change
@@ -236,8 +237,9 @@ def _rate_before(radar, time):
 def _is_followed(radar):
     """Whether a clearance tells of the path since the relative velocity began to repeat itself."""
     clearance = radar.clearance
-    # Off, or held itself, it tells nothing.
-    useless = clearance.faulty or is_bad(clearance) or is_held(clearance)
+    # Off, now or as that began, or held itself, it tells nothing.
+    useless = clearance.faulty_at >= radar.held_since or clearance.faulty
+    useless = useless or is_bad(clearance) or is_held(clearance)
     return clearance.last_at > radar.held_since and not useless
 
 

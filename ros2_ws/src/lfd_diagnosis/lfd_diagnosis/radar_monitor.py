@@ -124,10 +124,6 @@ DRIFT_SEEN, DRIFT_DOUBT = 1.0, 0.35
 """Seconds in which it is seen how fast a clearance drifts, and share of a jump of the relative
 velocity by which that may differ from it."""
 
-NOT_REPEATED = 0.3
-"""m/s by which a relative velocity goes on from what it repeated if that had long been wrong: a
-recorded radar says nothing new before it is 0.23 m/s."""
-
 DRIVES_OFF = 0.75
 """m/s^2 that no relative velocity drifts by."""
 
@@ -246,10 +242,8 @@ def _scan(radar, settings, track_id):
     same_clearance = clearance.new and take_repetition(
         radar.clearance.repetition, clearance.value, learn and not radar.clearance.faulty
     )
-    # A run that ends with a jump was no healthy one.
-    jumps = abs(velocity.value - radar.velocity.last) > NOT_REPEATED
     same_velocity = velocity.new and take_repetition(
-        radar.velocity.repetition, velocity.value, learn and not (radar.velocity.faulty or jumps)
+        radar.velocity.repetition, velocity.value, learn and not radar.velocity.faulty
     )
     whole = clearance.new and velocity.new
     period = clearance.at - radar.clearance.last_at
@@ -340,6 +334,7 @@ def _judge_signal(radar, settings, signal, measured, of_clearance, repeated):
     changed = should_have_changed(radar, settings, signal, of_clearance)
     note_change(signal.repetition, changed)
     if signal.faulty:
+        signal.faulty_at = measured.at
         classify(signal, changed)
         requalify(radar, settings, signal, measured, of_clearance, repeated)
     elif is_ready(radar):

@@ -88,6 +88,7 @@ RADAR_SIGNAL = np.dtype(
         ("outliers", "i8"),
         ("faulty", "?"),
         ("faulty_scans", "i8"),
+        ("faulty_at", "f8"),
         ("kind", "i8"),
         ("because", BECAUSE),
         ("tellable", "?"),
@@ -115,7 +116,7 @@ RADAR_SIGNAL = np.dtype(
 )
 """State of one signal; lengths in its own unit (m or m/s), times in s.
 
-`estimate` is how far a faulty signal is off its reference, `size` how far its fault put it,
+`faulty_at` is when it was faulty last, `estimate` how far a faulty signal is off its reference, `size` how far its fault put it,
 `recent` its newest residuals, `said` what it said then (a clearance: beyond the path travelled),
 `at_once` whether that was undone from one scan to the next since it agrees, `jumped_back_at` when
 its last jump was if it was that way, `must_agree` for how long what agrees must go on where that is
@@ -134,6 +135,7 @@ def start_signal(signal, floor, std, lowest, learn):
     signal.outliers = 0
     signal.coasted = 0.0
     signal.faulty_scans = 0
+    signal.faulty_at = -np.inf
     signal.estimate = signal.size = np.nan
     start_ring(signal.first, FIRST)
     start_ring(signal.recent, BEFORE + AFTER)
