@@ -29,7 +29,7 @@ the clearance's noise by which that leaves the path, filtered by a share."""
 CONFIRMED = 0.5
 """Share of that which need not be seen by the clearance if host and lead say the same."""
 
-REFUTED = 3.0
+REFUTED = 2.0
 """Times that by which the clearance may be off by itself, by which it must have been expected to be
 off before it says anything that it is not."""
 
