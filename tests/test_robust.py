@@ -1466,6 +1466,44 @@ def test_before_a_car_that_stands_a_relative_velocity_drifts_beside_a_clearance_
     assert standing.outcomes[-1].report.relative_velocity.kind == Kind.RAMP
 
 
+def test_before_a_car_that_stands_a_relative_velocity_is_held_as_the_lead_drives_off(
+    standing: Car,
+) -> None:
+    standing.lead_acceleration = 1.5
+    standing.drive(1.2, host_speed_is=0.0)
+    start, held = standing.number, standing.seen[1]
+    standing.drive(2.0, host_speed_is=0.0, relative_velocity_is=held)
+    assert standing.faults_since(start) == {"relative_velocity", "radar"}
+    assert standing.delay("relative_velocity", start) <= 0.7
+    assert standing.outcomes[-1].report.relative_velocity.kind == Kind.HOLD
+
+
+def test_before_a_car_that_stands_a_lead_that_creeps_says_the_same(standing: Car) -> None:
+    """Slower than 0.5 m/s it may stand as well."""
+    standing.velocity, start = 0.4, standing.number
+    standing.drive(8.0, host_speed_is=0.0, relative_velocity_is=0.4)
+    assert not standing.faults_since(start)
+
+
+class WanderingCar(Car):
+    """Its radar sees now this, now that part of the lead."""
+
+    def step(self, **faults: float) -> Outcome:
+        beside = 0.2 * sin(2.0 * pi * 0.01 * self.number / 4.0)
+        return super().step(**{"clearance": beside, **faults})
+
+
+def test_a_held_relative_velocity_is_told_by_a_clearance_that_wanders() -> None:
+    """Its wandering counts once."""
+    car = WanderingCar()
+    car.drive(30.0)
+    assert not car.faults_since(0)
+    start, held, car.lead_acceleration = car.number, car.seen[1], -1.0
+    car.drive(2.5, relative_velocity_is=held)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+    assert car.delay("relative_velocity", start) <= 0.75
+
+
 def test_a_lead_that_rests_after_a_moment_unseen_is_no_held_clearance(standing: Car) -> None:
     """How far it went in that moment is a guess as good as how fast it was before."""
     for acceleration in (-1.0, 0.8):
