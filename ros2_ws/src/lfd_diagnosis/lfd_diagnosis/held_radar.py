@@ -13,7 +13,7 @@ from lfd_diagnosis.healthy_signal import (
 )
 from lfd_diagnosis.lead_track import predict_track, set_clearance
 from lfd_diagnosis.radar_signal import is_bad, is_held
-from lfd_diagnosis.radar_state import SLOW, WANDERING, is_either_held, wander_of
+from lfd_diagnosis.radar_state import SLOW, is_either_held, wander_of
 from lfd_diagnosis.travelled_path import drift_rate
 from lfd_mpc.compiled import inner
 

@@ -116,11 +116,12 @@ RADAR_SIGNAL = np.dtype(
 )
 """State of one signal; lengths in its own unit (m or m/s), times in s.
 
-`faulty_at` is when it was faulty last, `estimate` how far a faulty signal is off its reference, `size` how far its fault put it,
-`recent` its newest residuals, `said` what it said then (a clearance: beyond the path travelled),
-`at_once` whether that was undone from one scan to the next since it agrees, `jumped_back_at` when
-its last jump was if it was that way, `must_agree` for how long what agrees must go on where that is
-longer than usual, `history` times and residuals of a drift.
+`faulty_at` is when it was faulty last, `estimate` how far a faulty signal is off its reference,
+`size` how far its fault put it, `recent` its newest residuals, `said` what it said then (a
+clearance: beyond the path travelled), `at_once` whether that was undone from one scan to the next
+since it agrees, `jumped_back_at` when its last jump was if it was that way, `must_agree` for how
+long what agrees must go on where that is longer than usual, `history` times and residuals of a
+drift.
 """
 
 
