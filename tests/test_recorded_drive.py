@@ -225,21 +225,35 @@ def test_an_acceleration_that_jumps_on_a_rough_road_is_told_at_once(
 
 
 @pytest.mark.parametrize(
-    ("view", "name"),
+    ("view", "name", "seed"),
     [
-        ("phone", "traffic-03"),
-        ("phone", "traffic-32"),
-        ("phone, joined at 20 Hz", "traffic-06"),
-        ("phone, joined at 20 Hz", "traffic-48"),
-        ("phone, joined at 10 Hz", "traffic-75"),
+        ("phone", "traffic-03", 2),
+        ("phone", "traffic-32", 2),
+        ("phone, joined at 20 Hz", "traffic-06", 2),
+        ("phone, joined at 20 Hz", "traffic-48", 2),
+        ("phone, joined at 10 Hz", "traffic-75", 2),
+        ("phone, joined at 10 Hz", "traffic-41", 4),
     ],
 )
 @pytest.mark.parametrize("host_speed", [True, False])
 def test_a_phone_that_bumps_swing_is_healthy_in_traffic_too(
-    data: Path, view: str, name: str, host_speed: bool
+    data: Path, view: str, name: str, seed: int, host_speed: bool
 ) -> None:
-    samples = recorded_sensors_drive(data, name, 2, None, VIEWS[view]).samples
+    samples = recorded_sensors_drive(data, name, seed, None, VIEWS[view]).samples
     assert not faults([s for s in samples if host_speed or s.input != HOST_SPEED])
+
+
+@pytest.mark.parametrize(
+    ("drive", "start", "most"), [(NAME, 48.25, 1.0), (f"{BACKWARD}track 0", 32.0, 0.9)]
+)
+def test_a_held_relative_velocity_is_told_sooner_where_host_and_lead_say_the_same(
+    data: Path, drive: str, start: float, most: float
+) -> None:
+    """Host and lead alone would be too close to their limit, and so would the clearance."""
+    run = Run(drive, 1, (f"hold:relative_velocity@{start}-{start + 4}",))
+    (window,) = run_windows(run, data)["robust"]["windows"]
+    assert window["signals"]["relative_velocity"]["delay"] <= most
+    assert not window["blamed"]
 
 
 @pytest.mark.parametrize("view", VIEWS)

@@ -1504,6 +1504,45 @@ def test_a_held_relative_velocity_is_told_by_a_clearance_that_wanders() -> None:
     assert car.delay("relative_velocity", start) <= 0.75
 
 
+def test_a_lead_whose_relative_velocity_was_faulty_tells_of_no_held_one(car: Car) -> None:
+    """It ends its braking while that is off; nobody saw it."""
+    car.lead_acceleration = -1.5
+    car.drive(1.5)
+    start = car.number
+    car.drive(1.0, relative_velocity=-10.0)
+    car.lead_acceleration = 0.0
+    car.drive(1.0, relative_velocity=-10.0)
+    car.drive(0.7)
+    held = car.seen[1]
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+    start = car.number
+    car.drive(1.0, relative_velocity_is=held)
+    assert not car.faults_since(start)
+
+
+def test_a_clearance_that_was_off_as_it_began_tells_of_no_held_relative_velocity(car: Car) -> None:
+    """It comes back to another part of the lead."""
+    car.velocity = 1.0
+    car.drive(2.0)
+    start = car.number
+    car.drive(3.0, clearance=4.0)
+    car.drive(0.3, clearance=4.0, relative_velocity_is=1.0)
+    car.drive(0.9, clearance=0.5, relative_velocity_is=1.0)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
+def test_a_radar_that_was_faulty_before_time_went_back_is_judged_as_any_other(car: Car) -> None:
+    car.drive(3.0, clearance=4.0)
+    car.drive(3.0)
+    car.number = 0
+    car.scanned = -1
+    car.drive(12.0)
+    start, held, car.lead_acceleration = len(car.outcomes), car.seen[1], -1.0
+    car.drive(2.5, relative_velocity_is=held)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+    assert car.delay("relative_velocity", start) <= 0.6
+
+
 def test_a_lead_that_rests_after_a_moment_unseen_is_no_held_clearance(standing: Car) -> None:
     """How far it went in that moment is a guess as good as how fast it was before."""
     for acceleration in (-1.0, 0.8):

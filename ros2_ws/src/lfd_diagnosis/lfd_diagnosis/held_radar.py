@@ -27,7 +27,8 @@ its resolution, by host and lead, and m/s^2 of doubt about the lead after a seco
 the clearance's noise by which that leaves the path, filtered by a share."""
 
 CONFIRMED = 0.5
-"""Share of that which need not be seen by the clearance if host and lead say the same."""
+"""Share of how far the clearance must leave the path that it need not if host and lead say the
+same."""
 
 REFUTED = 2.0
 """Times that by which the clearance may be off by itself, by which it must have been expected to be
@@ -159,7 +160,7 @@ def is_stuck(radar, settings, signal, of_clearance, changed):
     """A value repeated for too long, or though it should have `changed`."""
     if of_clearance and not _repeats_itself(radar):
         return changed and is_held(signal)
-    if of_clearance and not radar.host_moves or stand_both(radar):
+    if stand_both(radar) or (of_clearance and not radar.host_moves):
         return False
     if not of_clearance:
         if _has_left(radar, settings) and velocity_seems_held(radar):
@@ -220,7 +221,7 @@ def _change_in_doubt(radar):
     """How much (m/s) host and lead must have changed a relative velocity that repeats itself."""
     velocity = radar.velocity
     step, held_for = resolution_of(velocity.roughness), velocity.last_at - radar.held_since
-    # Nor is a lead known whose relative velocity was faulty.
+    # A lead whose relative velocity was faulty is known no better than one that came into view.
     known_for = max(radar.held_since - max(radar.begun_at, velocity.faulty_at), 0.0)
     change = max(HELD_CHANGE, CHANGE_STEPS * step) + LEAD_DOUBT * max(held_for - 1.0, 0.0)
     change += UNKNOWN_LEAD * exp(-known_for / SLOW) * held_for
@@ -238,8 +239,8 @@ def _is_followed(radar):
     """Whether a clearance tells of the path since the relative velocity began to repeat itself."""
     clearance = radar.clearance
     # Off, now or as that began, or held itself, it tells nothing.
-    useless = clearance.faulty_at >= radar.held_since or clearance.faulty
-    useless = useless or is_bad(clearance) or is_held(clearance)
+    was_off = clearance.faulty or clearance.faulty_at >= radar.held_since
+    useless = was_off or is_bad(clearance) or is_held(clearance)
     return clearance.last_at > radar.held_since and not useless
 
 
@@ -269,8 +270,7 @@ def _has_left(radar, settings):
     """Whether the clearance has left the path of a relative velocity that repeats itself."""
     if not _is_followed(radar):
         return False
-    left = radar.off_while_held
-    off = _usually_off(radar, settings)
+    off, left = _usually_off(radar, settings), radar.off_while_held
     if radar.changed_while_held * left > 0.0:
         off *= 1.0 - CONFIRMED * min(abs(radar.changed_while_held) / _change_in_doubt(radar), 1.0)
     if abs(left) > off:

@@ -265,11 +265,10 @@ def _scan(radar, settings, track_id):
     elif not (whole and is_another(radar, settings, track_id)):
         radar.id = track_id
         radar.scans += 1
-        # A sensor that says everything twice has nothing new to say the second time; but behind a
-        # car that stands it may be so.
-        repeated = same_clearance and same_velocity and radar.clearance.repetition.run == 1
-        repeated = repeated and radar.host_moves
-        _judge(radar, settings, repeated)
+        # A sensor that says everything twice has nothing new to say the second time, but where the
+        # car stands both may be as they were.
+        twice = same_clearance and same_velocity and radar.clearance.repetition.run == 1
+        _judge(radar, settings, twice and radar.host_moves)
     if clearance.new:
         radar.clearance.last, radar.clearance.last_at = clearance.value, clearance.at
     if velocity.new:

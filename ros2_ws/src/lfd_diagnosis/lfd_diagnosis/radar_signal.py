@@ -136,7 +136,6 @@ def start_signal(signal, floor, std, lowest, learn):
     signal.outliers = 0
     signal.coasted = 0.0
     signal.faulty_scans = 0
-    signal.faulty_at = -np.inf
     signal.estimate = signal.size = np.nan
     start_ring(signal.first, FIRST)
     start_ring(signal.recent, BEFORE + AFTER)
@@ -152,7 +151,8 @@ def start_signal(signal, floor, std, lowest, learn):
 @inner
 def restart_signal(signal):
     """The next scan has nothing to do with those before."""
-    signal.last, signal.last_at, signal.bias = np.nan, -np.inf, 0.0
+    signal.last, signal.bias = np.nan, 0.0
+    signal.last_at = signal.faulty_at = -np.inf
     signal.residual = signal.limit = np.nan
     restart_roughness(signal.roughness)
     restart_repetition(signal.repetition)
