@@ -4,16 +4,19 @@ from math import exp, isnan, sqrt
 
 from lfd_diagnosis.healthy_signal import (
     CHANCE,
+    append,
+    at,
     deviation,
     is_beyond_chance,
     is_frozen,
     repeats_by_itself,
     resolution_of,
     run_by_chance,
+    start_ring,
 )
 from lfd_diagnosis.lead_track import predict_track, set_clearance
 from lfd_diagnosis.radar_signal import is_bad, is_held
-from lfd_diagnosis.radar_state import SLOW, is_either_held, wander_of
+from lfd_diagnosis.radar_state import SLOW, WANDERING, is_either_held, wander_of
 from lfd_diagnosis.travelled_path import drift_rate
 from lfd_mpc.compiled import inner
 
@@ -26,9 +29,10 @@ HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 
 its resolution, by host and lead, and m/s^2 of doubt about the lead after a second; or deviations of
 the clearance's noise by which that leaves the path, filtered by a share."""
 
-CONFIRMED = 0.5
-"""Share of how far the clearance must leave the path that it need not if host and lead say the
-same."""
+AT_ONCE, GRADUALLY, CONFIRMED = 4, 1.5, 0.5
+"""Scans in which a clearance goes over to another part of the car, deviations of its noise and
+wandering that it must leave the path by beside that, and share of these that it need not if host
+and lead say the same."""
 
 REFUTED = 2.0
 """Times that by which the clearance may be off by itself, by which it must have been expected to be
@@ -81,6 +85,10 @@ def follow_held_velocity(radar, settings, same):
         told = _nearest_to_zero(off, radar.off_by_last) if alone else off
         radar.off_while_held += HELD_SHARE * (told - radar.off_while_held)
         radar.off_by_last = off
+        radar.most_at_once = max(
+            radar.most_at_once, abs(radar.off_while_held - at(radar.off_lately, 0))
+        )
+        append(radar.off_lately, radar.off_while_held)
         if _is_refuted(radar, settings):
             # What it said so far was right.
             begin_to_hold(radar)
@@ -128,7 +136,9 @@ def begin_to_hold(radar):
     # What it lay beside the track before, beyond its noise, is no reason.
     noise = deviation(radar.clearance.noise)
     radar.beside_when_held = radar.beside - max(-noise, min(noise, radar.beside))
-    radar.expected_off = radar.off_while_held = radar.off_by_last = 0.0
+    radar.expected_off = radar.off_while_held = radar.off_by_last = radar.most_at_once = 0.0
+    start_ring(radar.off_lately, AT_ONCE)
+    append(radar.off_lately, 0.0)
 
 
 @inner
@@ -248,10 +258,16 @@ def _is_followed(radar):
 def _usually_off(radar, settings):
     """How far (m) the clearance may be off the path of a relative velocity that repeats itself
     rightly."""
+    beside = sqrt(radar.clearance.noise.variance + WANDERING * wander_of(radar, settings))
+    return HELD_OFF * beside + _rounded(radar)
+
+
+@inner
+def _rounded(radar):
+    """What is lost (m) between the steps of both signals' resolutions meanwhile."""
     held_for = radar.velocity.last_at - radar.held_since
-    beside = sqrt(radar.clearance.noise.variance + wander_of(radar, settings))
-    off = HELD_OFF * beside + 0.5 * resolution_of(radar.velocity.roughness) * held_for
-    return off + 0.5 * resolution_of(radar.clearance.roughness)
+    lost = resolution_of(radar.velocity.roughness) * held_for
+    return 0.5 * (lost + resolution_of(radar.clearance.roughness))
 
 
 @inner
@@ -267,12 +283,24 @@ def _is_refuted(radar, settings):
 
 @inner
 def _has_left(radar, settings):
-    """Whether the clearance has left the path of a relative velocity that repeats itself."""
+    """Whether the clearance has left the path of a relative velocity that repeats itself: by far,
+    or little by little, as it does not where another part of the car is seen."""
     if not _is_followed(radar):
         return False
-    off, left = _usually_off(radar, settings), radar.off_while_held
+    left, once = radar.off_while_held, radar.most_at_once
+    if _has_left_by(radar, left, _usually_off(radar, settings)):
+        return True
+    little = GRADUALLY * sqrt(radar.clearance.noise.variance + wander_of(radar, settings))
     if radar.changed_while_held * left > 0.0:
-        off *= 1.0 - CONFIRMED * min(abs(radar.changed_while_held) / _change_in_doubt(radar), 1.0)
+        told = min(abs(radar.changed_while_held) / _change_in_doubt(radar), 1.0)
+        little *= 1.0 - CONFIRMED * told
+    gradually = left - max(-once, min(once, left))
+    return _has_left_by(radar, gradually, little + _rounded(radar))
+
+
+@inner
+def _has_left_by(radar, left, off):
+    """Whether a clearance that `left` its path by so much (m) did so by more than `off`."""
     if abs(left) > off:
         # What had been leaving it before leaves it for another reason.
         held_for = radar.velocity.last_at - radar.held_since

@@ -4,7 +4,7 @@ from math import exp
 
 import numpy as np
 
-from lfd_diagnosis.healthy_signal import restart_roughness
+from lfd_diagnosis.healthy_signal import RING, restart_roughness
 from lfd_diagnosis.lead_track import LEAD_TRACK
 from lfd_diagnosis.new_target import LEAP, forget_leap
 from lfd_diagnosis.radar_signal import (
@@ -87,6 +87,8 @@ RADAR = np.dtype(
         ("held_since", "f8"),
         ("clearance_when_held", "f8"),
         ("off_while_held", "f8"),
+        ("off_lately", RING),
+        ("most_at_once", "f8"),
         ("off_by_last", "f8"),
         ("beside", "f8"),
         ("beside_when_held", "f8"),
@@ -110,9 +112,11 @@ RADAR = np.dtype(
 track as it was at `before_at` (s), when the last scan was not yet taken. While it is `unseen` the
 radar says that it sees no lead; `followed`: scans that it was seen in, less what was lost of it.
 
-`beside` (m) is what the clearance lately lay beside the track. `shifted_at` (s) is when it last
-went over to another part of the car behind a faulty relative velocity; `agreed_clearance` (m) is
-what was measured when that began to agree again, `agreed_path` (m) the path that it makes since.
+`most_at_once` (m) is by how much the clearance left the path of a relative velocity that repeats
+itself within a few scans, `off_lately` how far it was off in them. `beside` (m) is what the
+clearance lately lay beside the track. `shifted_at` (s) is when it last went over to another part of
+the car behind a faulty relative velocity; `agreed_clearance` (m) is what was measured when that
+began to agree again, `agreed_path` (m) the path that it makes since.
 """
 
 
