@@ -55,6 +55,17 @@ AT_REST = 0.5
 UNKNOWN_LEAD = 1.5
 """m/s^2 that a lead may accelerate by when it comes into view."""
 
+UNSEEN_LEAD, UNSEEN_TIME = 3.0, 0.5
+"""m/s^2 that a lead may begin to accelerate by while a radar that lost it says what it knew, and
+seconds that it does so at most."""
+
+ONE_SCAN = 0.5
+"""Scans by which a stamp may waver from that of the scan before."""
+
+CALM_CHANCE, SHIFT_CHANCE = 0.1, 1e-3
+"""Probabilities below which a relative velocity repeats itself by coincidence, so that what the
+radar says after it may be what it did not see: how fast the lead is now, and another part of it."""
+
 TAKEN_BACK = 2.0
 """Seconds of a held relative velocity that the track can be taken back by."""
 
@@ -65,6 +76,9 @@ def follow_held_velocity(radar, settings, same):
     and lead going on as they did, and by the clearance."""
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
     if not (same and radar.has_track):
+        if velocity.new and radar.velocity.last_at > radar.held_since:
+            radar.sees_again_at, radar.unsaid = velocity.at, radar.changed_while_held
+            radar.unsaid_for = radar.velocity.last_at - radar.held_since
         begin_to_hold(radar)
         return
     period = velocity.at - radar.velocity.last_at
@@ -100,6 +114,34 @@ def _nearest_to_zero(first, second):
     if first * second <= 0.0:
         return 0.0
     return first if abs(first) < abs(second) else second
+
+
+@inner
+def _was_blind(radar, signal, chance):
+    """Whether the first scan of `signal` that is off is the one before which the relative velocity
+    had repeated itself for so long that the radar may not have seen its target."""
+    since = signal.last_at - radar.sees_again_at
+    scans = radar.unsaid_for / radar.period
+    by_chance = run_by_chance(radar.velocity.repetition, chance)
+    return since <= ONE_SCAN * radar.period and scans >= by_chance
+
+
+@inner
+def catches_up(radar):
+    """Whether a relative velocity says by now, all at once, what it did not say while it repeated
+    itself: a radar that lost its target for a moment goes on from what it knew."""
+    if not _was_blind(radar, radar.velocity, CALM_CHANCE):
+        return False
+    doubt = radar.velocity.limit + UNSEEN_LEAD * min(radar.unsaid_for, UNSEEN_TIME)
+    return abs(radar.velocity.residual - radar.unsaid) <= doubt
+
+
+@inner
+def shifts_unseen(radar, settings):
+    """Whether the clearance went over to another part of the car while the radar did not see it."""
+    if not settings.check_drift or not _was_blind(radar, radar.clearance, SHIFT_CHANCE):
+        return False
+    return abs(radar.clearance.residual) <= settings.largest_shift
 
 
 @inner

@@ -96,6 +96,9 @@ RADAR = np.dtype(
         ("time_while_held", "f8"),
         ("host_gain_while_held", "f8"),
         ("host_path_while_held", "f8"),
+        ("sees_again_at", "f8"),
+        ("unsaid", "f8"),
+        ("unsaid_for", "f8"),
         ("agreed_clearance", "f8"),
         ("agreed_path", "f8"),
         ("shifted_at", "f8"),
@@ -113,10 +116,12 @@ track as it was at `before_at` (s), when the last scan was not yet taken. While 
 radar says that it sees no lead; `followed`: scans that it was seen in, less what was lost of it.
 
 `most_at_once` (m) is by how much the clearance left the path of a relative velocity that repeats
-itself within a few scans, `off_lately` how far it was off in them. `beside` (m) is what the
-clearance lately lay beside the track. `shifted_at` (s) is when it last went over to another part of
-the car behind a faulty relative velocity; `agreed_clearance` (m) is what was measured when that
-began to agree again, `agreed_path` (m) the path that it makes since.
+itself within a few scans, `off_lately` how far it was off in them; `unsaid` (m/s) is by how much
+host and lead should have changed one that repeated itself for `unsaid_for` s until `sees_again_at`
+(s). `beside` (m) is what the clearance lately lay beside the track. `shifted_at` (s) is when it
+last went over to another part of the car unseen, or behind a faulty relative velocity;
+`agreed_clearance` (m) is what was measured when that began to agree again, `agreed_path` (m) the
+path that it makes since.
 """
 
 
@@ -154,6 +159,8 @@ def start_target(radar, settings):
     radar.clearance_when_held = radar.off_while_held = radar.expected_off = 0.0
     radar.beside = radar.beside_when_held = 0.0
     radar.leapt_to_zero = False
+    radar.sees_again_at, radar.held_since = -np.inf, np.inf
+    radar.unsaid = radar.unsaid_for = 0.0
     radar.shifted_at = -np.inf
     clear_path(radar.path)
     forget_leap(radar.leap)
