@@ -2,13 +2,14 @@
 
 import itertools
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from test_other_sensors import faults
 
 from lfd_diagnosis.verdict import VERDICTS, State
-from lfd_mpc.samples import ACCELERATION, HOST_SPEED, INPUTS, RADAR, playing_order
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, INPUTS, RADAR, Sample, playing_order
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
@@ -247,6 +248,31 @@ def test_a_phone_that_bumps_swing_is_healthy_in_traffic_too(
 def test_another_part_of_the_car_is_no_held_relative_velocity(data: Path, name: str) -> None:
     """The clearance goes over to it within some scans, while that happens to say the same."""
     assert not faults(recorded_sensors_drive(data, name, 5).samples)
+
+
+def loses_its_lead(samples: list[Sample], every: float, seconds: float) -> list[Sample]:
+    """As a radar says it that goes on from what it knew of a target it does not see, now and then
+    for some seconds."""
+    out, knew, start = [], None, samples[0].stamp
+    for sample in samples:
+        lost = (sample.stamp - start) * 1e-9 % every < seconds
+        if sample.input == RADAR:
+            if not (lost and knew and sample.has_target and sample.track_id == knew.track_id):
+                knew = sample if sample.has_target else None
+            else:
+                gone = knew.relative_velocity * (sample.stamp - knew.stamp) * 1e-9
+                gone = round(max(knew.clearance + gone, 0.0), 2)
+                velocity = knew.relative_velocity
+                sample = replace(sample, clearance=gone, relative_velocity=velocity)
+        out.append(sample)
+    return out
+
+
+@pytest.mark.parametrize("name", ["traffic-01", "traffic-02", "traffic-03", "traffic-18"])
+def test_a_radar_that_loses_its_lead_now_and_then_is_healthy(data: Path, name: str) -> None:
+    samples = recorded_sensors_drive(data, name, 2).samples
+    for every in (5.0, 6.0, 7.0):
+        assert not faults(loses_its_lead(samples, every, 0.3)), every
 
 
 @pytest.mark.parametrize(

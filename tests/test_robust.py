@@ -1543,6 +1543,72 @@ def test_a_radar_that_was_faulty_before_time_went_back_is_judged_as_any_other(ca
     assert car.delay("relative_velocity", start) <= 0.7
 
 
+def lose_the_lead(car: Car, seconds: float) -> None:
+    """For so long a radar that does not see it goes on from what it knew."""
+    clearance, velocity = car.clearance, car.velocity
+    for step in range(round(seconds * 100)):
+        car.step(clearance_is=clearance + 0.01 * step * velocity, relative_velocity_is=velocity)
+
+
+@pytest.mark.parametrize(
+    ("braking", "seconds", "faulty"),
+    [
+        (-3.0, 0.4, set()),
+        (-5.0, 0.3, set()),
+        (-4.0, 0.4, set()),
+        (-6.0, 0.4, {"relative_velocity", "radar"}),
+    ],
+)
+def test_a_radar_that_lost_its_lead_for_a_moment_catches_up(
+    car: Car, braking: float, seconds: float, faulty: set[str]
+) -> None:
+    """What it says then is the lead's, as far as one may have begun to brake meanwhile."""
+    start, car.lead_acceleration = car.number, braking
+    lose_the_lead(car, seconds)
+    car.lead_acceleration = 0.0
+    assert abs(car.velocity) > 1.0, "more than its limit"
+    car.drive(3.0)
+    assert car.faults_since(start) == faulty
+
+
+@pytest.mark.parametrize("jump", [-1.2, 1.5])
+def test_a_radar_that_saw_its_lead_all_along_has_nothing_to_catch_up(car: Car, jump: float) -> None:
+    start = car.number
+    car.drive(1.0, relative_velocity=jump)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+
+
+@pytest.mark.parametrize(
+    ("seconds", "shift", "faulty"),
+    [
+        (0.3, 1.8, set()),
+        (0.3, -2.7, set()),
+        (0.3, 3.3, {"clearance", "radar"}),
+        (0.05, 1.8, {"clearance", "radar"}),
+    ],
+)
+def test_a_radar_that_lost_its_lead_for_a_moment_may_see_another_part_of_it(
+    car: Car, seconds: float, shift: float, faulty: set[str]
+) -> None:
+    start = car.number
+    lose_the_lead(car, seconds)
+    car.drive(3.0, clearance=shift)
+    assert car.faults_since(start) == faulty
+    if not faulty:
+        assert car.outcomes[-1].reconstruction.clearance == pytest.approx(
+            car.clearance + shift, abs=0.2
+        )
+
+
+def test_a_radar_that_never_sees_another_part_of_the_car_does_not_after_a_moment() -> None:
+    car = Car(largest_shift=0.0)
+    car.drive(12.0)
+    start = car.number
+    lose_the_lead(car, 0.3)
+    car.drive(1.0, clearance=1.8)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
 def test_a_lead_that_rests_after_a_moment_unseen_is_no_held_clearance(standing: Car) -> None:
     """How far it went in that moment is a guess as good as how fast it was before."""
     for acceleration in (-1.0, 0.8):
