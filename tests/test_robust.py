@@ -1571,6 +1571,15 @@ def test_a_radar_that_lost_its_lead_for_a_moment_catches_up(
     assert car.faults_since(start) == faulty
 
 
+def test_where_repetition_tells_nothing_no_radar_catches_up() -> None:
+    car = Car(check_repetition=False)
+    car.drive(12.0)
+    start, car.lead_acceleration = car.number, -3.0
+    lose_the_lead(car, 0.4)
+    car.drive(0.5)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+
+
 @pytest.mark.parametrize("jump", [-1.2, 1.5])
 def test_a_radar_that_saw_its_lead_all_along_has_nothing_to_catch_up(car: Car, jump: float) -> None:
     start = car.number

@@ -117,20 +117,21 @@ def _nearest_to_zero(first, second):
 
 
 @inner
-def _was_blind(radar, signal, chance):
+def _was_blind(radar, settings, signal, chance):
     """Whether the first scan of `signal` that is off is the one before which the relative velocity
     had repeated itself for so long that the radar may not have seen its target."""
     since = signal.last_at - radar.sees_again_at
     scans = radar.unsaid_for / radar.period
     by_chance = run_by_chance(radar.velocity.repetition, chance)
-    return since <= ONE_SCAN * radar.period and scans >= by_chance
+    lost = settings.check_repetition and scans >= by_chance
+    return lost and since <= ONE_SCAN * radar.period
 
 
 @inner
-def catches_up(radar):
+def catches_up(radar, settings):
     """Whether a relative velocity says by now, all at once, what it did not say while it repeated
     itself: a radar that lost its target for a moment goes on from what it knew."""
-    if not _was_blind(radar, radar.velocity, CALM_CHANCE):
+    if not _was_blind(radar, settings, radar.velocity, CALM_CHANCE):
         return False
     doubt = radar.velocity.limit + UNSEEN_LEAD * min(radar.unsaid_for, UNSEEN_TIME)
     return abs(radar.velocity.residual - radar.unsaid) <= doubt
@@ -139,7 +140,7 @@ def catches_up(radar):
 @inner
 def shifts_unseen(radar, settings):
     """Whether the clearance went over to another part of the car while the radar did not see it."""
-    if not settings.check_drift or not _was_blind(radar, radar.clearance, SHIFT_CHANCE):
+    if not settings.check_drift or not _was_blind(radar, settings, radar.clearance, SHIFT_CHANCE):
         return False
     return abs(radar.clearance.residual) <= settings.largest_shift
 

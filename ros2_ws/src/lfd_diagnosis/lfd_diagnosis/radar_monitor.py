@@ -453,7 +453,7 @@ def _suspect(radar, settings, signal, of_clearance, changed):
             clear_path(radar.path)
         elif is_bad(signal) and not of_clearance and _ends_a_drift(radar):
             _trust_both(radar)
-        elif is_bad(signal) and not of_clearance and catches_up(radar):
+        elif is_bad(signal) and not of_clearance and catches_up(radar, settings):
             rebase(radar.track, signal, radar.measured_velocity.value, False)
             acquit(signal)
         elif is_bad(signal) and of_clearance and shifts_unseen(radar, settings):

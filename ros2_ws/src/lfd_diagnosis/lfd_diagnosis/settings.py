@@ -199,7 +199,11 @@ class FaultHandling(Settings):
         True, "1", "a signal that is far rougher than it was is faulty", ROBUST
     )
     check_repetition: bool = setting(
-        True, "1", "a signal that repeats itself longer than it ever did is faulty", ROBUST
+        True,
+        "1",
+        "a signal that repeats itself longer than it ever did is faulty, and what a radar says"
+        " after a shorter run may be what it did not see",
+        ROBUST,
     )
     latch: bool = setting(
         True,
