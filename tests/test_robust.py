@@ -1554,9 +1554,9 @@ def lose_the_lead(car: Car, seconds: float) -> None:
     ("braking", "seconds", "faulty"),
     [
         (-3.0, 0.4, set()),
-        (-5.0, 0.3, set()),
-        (-4.0, 0.4, set()),
-        (-6.0, 0.4, {"relative_velocity", "radar"}),
+        (-4.0, 0.3, set()),
+        (-5.0, 0.4, {"relative_velocity", "radar"}),
+        (-2.0, 0.6, {"relative_velocity", "radar"}),
     ],
 )
 def test_a_radar_that_lost_its_lead_for_a_moment_catches_up(
@@ -1585,37 +1585,6 @@ def test_a_radar_that_saw_its_lead_all_along_has_nothing_to_catch_up(car: Car, j
     start = car.number
     car.drive(1.0, relative_velocity=jump)
     assert car.faults_since(start) == {"relative_velocity", "radar"}
-
-
-@pytest.mark.parametrize(
-    ("seconds", "shift", "faulty"),
-    [
-        (0.3, 1.8, set()),
-        (0.3, -2.7, set()),
-        (0.3, 3.3, {"clearance", "radar"}),
-        (0.05, 1.8, {"clearance", "radar"}),
-    ],
-)
-def test_a_radar_that_lost_its_lead_for_a_moment_may_see_another_part_of_it(
-    car: Car, seconds: float, shift: float, faulty: set[str]
-) -> None:
-    start = car.number
-    lose_the_lead(car, seconds)
-    car.drive(3.0, clearance=shift)
-    assert car.faults_since(start) == faulty
-    if not faulty:
-        assert car.outcomes[-1].reconstruction.clearance == pytest.approx(
-            car.clearance + shift, abs=0.2
-        )
-
-
-def test_a_radar_that_never_sees_another_part_of_the_car_does_not_after_a_moment() -> None:
-    car = Car(largest_shift=0.0)
-    car.drive(12.0)
-    start = car.number
-    lose_the_lead(car, 0.3)
-    car.drive(1.0, clearance=1.8)
-    assert car.faults_since(start) == {"clearance", "radar"}
 
 
 def test_a_lead_that_rests_after_a_moment_unseen_is_no_held_clearance(standing: Car) -> None:

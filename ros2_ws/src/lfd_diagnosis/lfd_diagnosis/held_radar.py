@@ -55,16 +55,16 @@ AT_REST = 0.5
 UNKNOWN_LEAD = 1.5
 """m/s^2 that a lead may accelerate by when it comes into view."""
 
-UNSEEN_LEAD, UNSEEN_TIME = 3.0, 0.5
+UNSEEN_LEAD, UNSEEN_TIME = 2.0, 0.5
 """m/s^2 that a lead may begin to accelerate by while a radar that lost it says what it knew, and
-seconds that it does so at most."""
+seconds for which it does so at most: what repeats itself for longer is calm, coarse, or held."""
 
 ONE_SCAN = 0.5
 """Scans by which a stamp may waver from that of the scan before."""
 
-CALM_CHANCE, SHIFT_CHANCE = 0.1, 1e-3
-"""Probabilities below which a relative velocity repeats itself by coincidence, so that what the
-radar says after it may be what it did not see: how fast the lead is now, and another part of it."""
+CALM_CHANCE = 1e-2
+"""Probability below which a relative velocity that repeats itself for a moment may be that of a
+radar which lost its target."""
 
 TAKEN_BACK = 2.0
 """Seconds of a held relative velocity that the track can be taken back by."""
@@ -117,32 +117,19 @@ def _nearest_to_zero(first, second):
 
 
 @inner
-def _was_blind(radar, settings, signal, chance):
-    """Whether the first scan of `signal` that is off is the one before which the relative velocity
-    had repeated itself for so long that the radar may not have seen its target."""
-    since = signal.last_at - radar.sees_again_at
-    scans = radar.unsaid_for / radar.period
-    by_chance = run_by_chance(radar.velocity.repetition, chance)
-    lost = settings.check_repetition and scans >= by_chance
-    return lost and since <= ONE_SCAN * radar.period
-
-
-@inner
 def catches_up(radar, settings):
     """Whether a relative velocity says by now, all at once, what it did not say while it repeated
     itself: a radar that lost its target for a moment goes on from what it knew."""
-    if not _was_blind(radar, settings, radar.velocity, CALM_CHANCE):
+    velocity, lost_for = radar.velocity, radar.unsaid_for
+    if not settings.check_repetition or lost_for > UNSEEN_TIME + ONE_SCAN * radar.period:
         return False
-    doubt = radar.velocity.limit + UNSEEN_LEAD * min(radar.unsaid_for, UNSEEN_TIME)
-    return abs(radar.velocity.residual - radar.unsaid) <= doubt
-
-
-@inner
-def shifts_unseen(radar, settings):
-    """Whether the clearance went over to another part of the car while the radar did not see it."""
-    if not settings.check_drift or not _was_blind(radar, settings, radar.clearance, SHIFT_CHANCE):
+    # The first scan that is off must be the one that no longer repeats itself.
+    if velocity.last_at - radar.sees_again_at > ONE_SCAN * radar.period:
         return False
-    return abs(radar.clearance.residual) <= settings.largest_shift
+    if lost_for < radar.period * run_by_chance(velocity.repetition, CALM_CHANCE):
+        return False
+    doubt = velocity.limit + UNSEEN_LEAD * lost_for
+    return abs(velocity.residual - radar.unsaid) <= doubt
 
 
 @inner

@@ -23,7 +23,6 @@ from lfd_diagnosis.held_radar import (
     catches_up,
     follow_held_velocity,
     is_stuck,
-    shifts_unseen,
     should_have_changed,
     stand_both,
     take_back_held,
@@ -456,8 +455,6 @@ def _suspect(radar, settings, signal, of_clearance, changed):
         elif is_bad(signal) and not of_clearance and catches_up(radar, settings):
             rebase(radar.track, signal, radar.measured_velocity.value, False)
             acquit(signal)
-        elif is_bad(signal) and of_clearance and shifts_unseen(radar, settings):
-            _take_along(radar)
         elif is_bad(signal) and not growing:
             # What grows is left to the path; what waited for it and came back was none.
             give_ground(signal.because, Ground.RESIDUAL, signal.residual, signal.limit, 0.0)
