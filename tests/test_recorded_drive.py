@@ -255,15 +255,15 @@ def loses_its_lead(samples: list[Sample], every: float, seconds: float) -> list[
     for some seconds."""
     out, knew, start = [], None, samples[0].stamp
     for sample in samples:
-        lost = (sample.stamp - start) * 1e-9 % every < seconds
         if sample.input == RADAR:
-            if not (lost and knew and sample.has_target and sample.track_id == knew.track_id):
-                knew = sample if sample.has_target else None
-            else:
-                gone = knew.relative_velocity * (sample.stamp - knew.stamp) * 1e-9
-                gone = round(max(knew.clearance + gone, 0.0), 2)
+            lost = (sample.stamp - start) * 1e-9 % every < seconds
+            if lost and knew and sample.has_target and sample.track_id == knew.track_id:
                 velocity = knew.relative_velocity
-                sample = replace(sample, clearance=gone, relative_velocity=velocity)
+                gone = velocity * (sample.stamp - knew.stamp) * 1e-9
+                clearance = round(max(knew.clearance + gone, 0.0), 2)
+                sample = replace(sample, clearance=clearance, relative_velocity=velocity)
+            else:
+                knew = sample if sample.has_target else None
         out.append(sample)
     return out
 

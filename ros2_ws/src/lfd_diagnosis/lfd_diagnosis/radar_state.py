@@ -158,9 +158,7 @@ def start_target(radar, settings):
     radar.clearance_when_held = radar.off_while_held = radar.expected_off = 0.0
     radar.beside = radar.beside_when_held = 0.0
     radar.leapt_to_zero = False
-    radar.sees_again_at, radar.held_since = -np.inf, np.inf
-    radar.unsaid = radar.unsaid_for = 0.0
-    radar.shifted_at = -np.inf
+    radar.sees_again_at = radar.shifted_at = -np.inf
     clear_path(radar.path)
     forget_leap(radar.leap)
     restart_signal(radar.clearance)
