@@ -2,19 +2,18 @@
 
 import itertools
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from test_other_sensors import faults
 
 from lfd_diagnosis.verdict import VERDICTS, State
-from lfd_mpc.samples import ACCELERATION, HOST_SPEED, INPUTS, RADAR, Sample, playing_order
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, INPUTS, RADAR, playing_order
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
 from lfd_replay.evaluation.cases import load_drive
-from lfd_replay.evaluation.recorded_noise import recorded_sensors_drive
+from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS, recorded_sensors_drive
 from lfd_replay.evaluation.recorded_tracks import (
     BACKWARD,
     COUNT,
@@ -250,29 +249,16 @@ def test_another_part_of_the_car_is_no_held_relative_velocity(data: Path, name: 
     assert not faults(recorded_sensors_drive(data, name, 5).samples)
 
 
-def loses_its_lead(samples: list[Sample], every: float, seconds: float) -> list[Sample]:
-    """As a radar says it that goes on from what it knew of a target it does not see, now and then
-    for some seconds."""
-    out, knew, start = [], None, samples[0].stamp
-    for sample in samples:
-        if sample.input == RADAR:
-            lost = (sample.stamp - start) * 1e-9 % every < seconds
-            if lost and knew and sample.has_target and sample.track_id == knew.track_id:
-                velocity = knew.relative_velocity
-                gone = velocity * (sample.stamp - knew.stamp) * 1e-9
-                clearance = round(max(knew.clearance + gone, 0.0), 2)
-                sample = replace(sample, clearance=clearance, relative_velocity=velocity)
-            else:
-                knew = sample if sample.has_target else None
-        out.append(sample)
-    return out
+@pytest.mark.parametrize("number", [61, 76, 94])
+def test_a_radar_that_loses_its_lead_now_and_then_is_healthy(data: Path, number: int) -> None:
+    run = Run(f"traffic-{number}", 2, sensor=RECORDED_SENSORS, mishap="a radar that loses its lead")
+    assert not any(run_windows(run, data)["robust"]["false"].values())
 
 
-@pytest.mark.parametrize("name", ["traffic-01", "traffic-02", "traffic-03"])
-def test_a_radar_that_loses_its_lead_now_and_then_is_healthy(data: Path, name: str) -> None:
-    samples = recorded_sensors_drive(data, name, 2).samples
-    for every in (5.0, 6.0, 7.0):
-        assert not faults(loses_its_lead(samples, every, 0.3)), every
+@pytest.mark.parametrize("number", [16, 64, 82])
+def test_an_accelerometer_that_is_silent_now_and_then_is_healthy(data: Path, number: int) -> None:
+    run = Run(f"traffic-{number}", 2, sensor=RECORDED_SENSORS, mishap="a silent accelerometer")
+    assert not any(run_windows(run, data)["robust"]["false"].values())
 
 
 @pytest.mark.parametrize(

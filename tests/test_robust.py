@@ -2102,6 +2102,40 @@ def test_a_jump_that_falls_silent_is_rebuilt_from_the_speed(car: Car) -> None:
         assert now.acceleration == pytest.approx(acceleration, abs=0.5)
 
 
+@pytest.mark.parametrize("silence", [0.4, 0.8, 3.0])
+@pytest.mark.parametrize("host_speed", [True, False])
+def test_what_an_accelerometer_said_before_a_silence_is_no_evidence_after_it(
+    silence: float, host_speed: bool
+) -> None:
+    """The car meanwhile begins to brake at 6 m/s^2."""
+    car = Car(host_speed)
+    car.speed = 30.0
+    car.drive(12.0)
+    for k in range(round(100 * silence) + 150):
+        car.accelerometer_silent = k < 100 * silence
+        acceleration = -min(0.08 * k, 6.0)
+        car.speed += 0.01 * acceleration
+        car.step(acceleration=acceleration)
+    assert not car.faults_since(0)
+
+
+@pytest.mark.parametrize(
+    ("silence", "size", "most"),
+    [(0.4, 1.5, 0.3), (0.4, -2.0, 0.3), (0.4, 4.0, 0.3), (3.0, -4.0, 0.4), (3.0, 4.0, 0.4)],
+)
+def test_an_offset_that_begins_in_a_silence_is_told_after_it(
+    car: Car, silence: float, size: float, most: float
+) -> None:
+    """The longer it lasts, the more the road's slope may be another one."""
+    car.accelerometer_silent = True
+    car.drive(silence)
+    car.accelerometer_silent = False
+    end = car.number
+    car.drive(2.0, acceleration=size)
+    assert car.faults_since(end) == {"acceleration"}
+    assert car.delay("acceleration", end) <= most
+
+
 def test_a_held_acceleration_is_rebuilt_from_the_speed(car: Car) -> None:
     """At first it looks like a jump that stays."""
     for k in range(500):

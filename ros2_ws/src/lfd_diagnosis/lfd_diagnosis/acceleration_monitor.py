@@ -29,6 +29,7 @@ from lfd_diagnosis.acceleration_state import (
     follow_shaking,
     forget_baseline,
     forgive_acceleration,
+    lose_samples,
     newest_sample,
     swings_over_bumps,
 )
@@ -136,6 +137,8 @@ def follow_acceleration(monitor, settings, horizon):
     if usable:
         time = now - horizon.acceleration_age
         _follow_samples(monitor, settings, time, as_measured(horizon.measured_acceleration))
+    else:
+        lose_samples(monitor)
     if is_usable(speed, settings):
         monitor.acceleration = speed.derivative
     elif usable and not monitor.faulty:
@@ -182,7 +185,7 @@ def _follow_samples(monitor, settings, time, value):
         value, monitor.fresh = monitor.taken, False
     monitor.taken = value
     if isnan(monitor.filtered):
-        monitor.filtered = monitor.slow_filtered = value
+        _start_filters(monitor, settings, value)
     monitor.filtered += share * (value - monitor.filtered)
     monitor.slow_filtered += JERK_SHARE * (monitor.filtered - monitor.slow_filtered)
     monitor.burst += share * ((value - monitor.filtered) ** 2 - monitor.burst)
@@ -205,6 +208,16 @@ def _follow_samples(monitor, settings, time, value):
     excused = is_standing(monitor.speed) or _is_bad_road(monitor.speed)
     rough = is_rough(monitor.roughness) and (monitor.faulty or not excused)
     monitor.rough_for = monitor.rough_for + STEP_S if rough else 0.0
+
+
+@inner
+def _start_filters(monitor, settings, value):
+    """With the first sample (m/s^2), or the first one after a silence: as if it had said all the
+    time what speed and slope say."""
+    monitor.filtered = monitor.slow_filtered = value
+    if is_usable(monitor.speed, settings) and monitor.slope_known > 0.0 and not monitor.faulty:
+        monitor.filtered = monitor.speed.derivative + monitor.slope
+        monitor.slow_filtered = monitor.speed.slow_derivative + monitor.slope
 
 
 @inner
@@ -244,6 +257,8 @@ def judge_acceleration(
         check.ground = Ground.NONE
         restart_jump(monitor.jump)
         start_bend(monitor.bend)
+        if not monitor.faulty:
+            doubt_slope(monitor)
         return
     monitor.ticks += 1
     rests = is_resting(relative_velocity)

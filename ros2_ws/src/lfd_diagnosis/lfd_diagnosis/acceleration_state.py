@@ -180,27 +180,33 @@ def restart_acceleration(monitor):
     restart_speed(monitor.speed)
     restart_roughness(monitor.roughness)
     restart_repetition(monitor.repetition)
-    monitor.last_at, monitor.taken, monitor.doubted = -np.inf, np.nan, False
-    monitor.fresh, monitor.new_samples = False, 0
-    monitor.filtered, monitor.burst = np.nan, 0.0
-    monitor.slow_filtered, monitor.leapt_for = np.nan, 0
-    monitor.jerk_then = monitor.own_jerk = monitor.lead_rests_for = 0.0
-    start_ring(monitor.before_jump, BEFORE_JUMP)
-    start_ring(monitor.samples, SAMPLES)
-    monitor.lead = monitor.lead_slow = np.nan
-    start_ring(monitor.lead_recent, BASELINE_DELAY)
-    monitor.own_slow = np.nan
-    start_ring(monitor.own_recent, BASELINE_DELAY)
-    monitor.report_off = 0.0
+    monitor.last_at, monitor.fresh, monitor.new_samples = -np.inf, False, 0
+    lose_samples(monitor)
+    monitor.lead_rests_for = 0.0
     monitor.relative_then = monitor.relative_now = monitor.relative_slow = 0.0
     monitor.before = monitor.relative_before = 0.0
     monitor.relative, monitor.radar_gone = 0.0, RADAR_GONE
-    monitor.jumped_for, monitor.jump_sign = 0, 0.0
+    monitor.jump_sign = 0.0
+    monitor.braked = monitor.jolt = 0.0
+    monitor.acceleration = 0.0
+
+
+@inner
+def lose_samples(monitor):
+    """None is new enough: what comes next may have little to do with those before."""
+    monitor.taken, monitor.doubted = np.nan, False
+    monitor.filtered, monitor.burst = np.nan, 0.0
+    monitor.slow_filtered, monitor.leapt_for = np.nan, 0
+    monitor.jerk_then = monitor.own_jerk = 0.0
+    start_ring(monitor.before_jump, BEFORE_JUMP)
+    start_ring(monitor.samples, SAMPLES)
+    start_ring(monitor.newest, NEWEST)
     monitor.rough_for = 0.0
     monitor.shaken, monitor.shaking = False, 0.0
-    monitor.braked = monitor.jolt = 0.0
-    start_ring(monitor.newest, NEWEST)
-    monitor.acceleration = 0.0
+    monitor.lead = monitor.lead_slow = monitor.own_slow = np.nan
+    start_ring(monitor.lead_recent, BASELINE_DELAY)
+    start_ring(monitor.own_recent, BASELINE_DELAY)
+    monitor.report_off, monitor.jumped_for = 0.0, 0
 
 
 @inner

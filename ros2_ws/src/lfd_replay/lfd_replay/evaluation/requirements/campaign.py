@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from lfd_replay.evaluation.mishaps import MISHAPS
 from lfd_replay.evaluation.random_sensors import RANDOM_SENSORS
 from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS
 from lfd_replay.evaluation.recorded_tracks import (
@@ -22,7 +23,7 @@ from lfd_replay.evaluation.requirements.judge import Finding, Judge, kinds_confu
 from lfd_replay.evaluation.requirements.plan import Extent
 from lfd_replay.evaluation.requirements.windows import NEAREST, Run, run_windows
 from lfd_replay.evaluation.trace import JUDGED
-from lfd_replay.generated.lead_profiles import HILLY
+from lfd_replay.generated.lead_profiles import HILLY, TRAFFIC
 from lfd_replay.journal import Task
 
 KINDS = {
@@ -155,6 +156,9 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
         runs = plan.faults_in_traffic(extent, "offset", radar, False, sensor=RECORDED_SENSORS)
         name = "clearance and relative velocity"
         add(f"recorded sensors in traffic: {name}", runs, judges.judge_in_traffic)
+        for mishap in MISHAPS:
+            runs = [replace(run, mishap=mishap) for run in traffic]
+            add(f"{mishap} in traffic: healthy", runs, judges.judge_healthy)
         made += _one_signal_in_traffic("recorded sensors in traffic", extent, RECORDED_SENSORS)
         for name, values in plan.COMBINATIONS.items():
             runs = plan.recorded_sensors(extent, values, signed=False)
@@ -357,6 +361,10 @@ def ablation_runs(extent: Extent, recorded: bool) -> dict[str, list[Run]]:
     }
     if recorded:
         groups["nearest in path"] = [Run(NEAREST, 0), *plan.nearest(plan.PAPER)[:2]]
+        groups["a radar that loses its lead"] = [
+            Run(name, 1, sensor=RECORDED_SENSORS, mishap="a radar that loses its lead")
+            for name in TRAFFIC[:12]
+        ]
     return groups
 
 

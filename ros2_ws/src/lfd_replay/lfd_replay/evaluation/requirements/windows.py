@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from lfd_diagnosis.verdict import State
 from lfd_mpc.samples import HOST_SPEED, LEAD_ACCELERATION, Sample, ScalarSample
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
+from lfd_replay.evaluation.mishaps import MISHAPS
 from lfd_replay.evaluation.random_sensors import RANDOM_SENSORS, random_sensors_drive
 from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS, recorded_sensors_drive
 from lfd_replay.evaluation.recorded_tracks import (
@@ -57,7 +59,7 @@ class Run:
 
     `faults`: texts. `changes`: settings of the diagnosis that differ from the robust profile's,
     by name; with any, the paper profile is left out. `lead`: what the lead says: nothing, the
-    truth, or a lie from 20 s on.
+    truth, or a lie from 20 s on. `mishap`: what happens to the sensors, of `MISHAPS`.
     """
 
     drive: str
@@ -68,6 +70,7 @@ class Run:
     host_speed: bool = True
     lead: str = "nothing"
     changes: tuple[tuple[str, object], ...] = ()
+    mishap: str = ""
 
     @property
     def key(self) -> str:
@@ -105,6 +108,14 @@ def load(run: Run, recorded: Path | None) -> Drive:
     if run.sensor == RANDOM_SENSORS:
         return random_sensors_drive(run.drive, run.seed, run.peak)
     return generate_drive(run.drive, run.seed, run.sensor, run.peak)
+
+
+def _with_mishaps(run: Run, samples: list[Sample]) -> list[Sample]:
+    """The samples of a drive with what happens to its sensors, the same for the same seed."""
+    if not run.mishap:
+        return samples
+    generator = np.random.default_rng([run.seed, crc32(f"{run.mishap}/{run.drive}".encode())])
+    return MISHAPS[run.mishap](samples, generator)
 
 
 def _lead_says(run: Run, drive: Drive) -> list[Sample]:
@@ -166,7 +177,8 @@ def look(run: Run, recorded: Path | None) -> tuple[dict[str, Seen], Array, Array
     """Both profiles' view, the signals as faulty and as healthy (n, 4), and the faults."""
     drive = load(run, recorded)
     zero = drive.zero
-    samples = [s for s in drive.samples if run.host_speed or s.input != HOST_SPEED]
+    samples = _with_mishaps(run, drive.samples)
+    samples = [s for s in samples if run.host_speed or s.input != HOST_SPEED]
     samples = sorted([*samples, *_lead_says(run, drive)], key=lambda s: s.stamp)
     faults = parse_faults(run.faults)
     faulty = FaultInjector(faults, zero, run.seed).apply(samples) if faults else samples

@@ -1,0 +1,101 @@
+"""What happens to healthy sensors now and then: a radar loses its lead or repeats itself, and a
+sensor says nothing for a while. None of it is a fault of what they say."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
+
+FIRST, BETWEEN = (2.0, 20.0), (5.0, 20.0)
+"""Seconds before the first mishap and between two, evenly drawn."""
+
+UNSEEN = (0.2, 0.42)
+"""Seconds for which a lead is not seen."""
+
+REPEATED, MOST = 0.01, 4
+"""Share of scans after which a radar repeats itself, and how often at most."""
+
+SILENCES = (0.1, 0.2, 0.4, 0.8, 1.5, 3.0, 6.0)
+"""Seconds for which a sensor says nothing; one of them."""
+
+
+def loses_its_lead(samples: Sequence[Sample], generator: np.random.Generator) -> list[Sample]:
+    """A radar goes on from what it knew of a target that it does not see: its relative velocity
+    stays and its clearance goes on by it."""
+    made: list[Sample] = []
+    knew: RadarSample | None = None
+    times = _times(samples[0].stamp, generator, lambda: generator.uniform(*UNSEEN))
+    begin, end = next(times)
+    for sample in samples:
+        if not isinstance(sample, RadarSample) or not sample.has_target:
+            if sample.input == RADAR:
+                knew = None
+            made.append(sample)
+            continue
+        if sample.stamp >= end:
+            begin, end = next(times)
+        if begin <= sample.stamp and knew and knew.track_id == sample.track_id:
+            velocity = knew.relative_velocity
+            gone = velocity * (sample.stamp - knew.stamp) * 1e-9
+            clearance = round(max(knew.clearance + gone, 0.0), 2)
+            sample = replace(sample, clearance=clearance, relative_velocity=velocity)
+        else:
+            knew = sample
+        made.append(sample)
+    return made
+
+
+def repeats_itself(samples: Sequence[Sample], generator: np.random.Generator) -> list[Sample]:
+    """A radar's last message comes again, under new stamps."""
+    made: list[Sample] = []
+    said: RadarSample | None = None
+    more = 0
+    for sample in samples:
+        if isinstance(sample, RadarSample) and sample.has_target:
+            if more and said and said.track_id == sample.track_id:
+                more -= 1
+                sample = replace(said, stamp=sample.stamp)
+            else:
+                said = sample
+                again = generator.random() < REPEATED
+                more = int(generator.integers(1, MOST + 1)) if again else 0
+        made.append(sample)
+    return made
+
+
+def is_silent(samples: Sequence[Sample], generator: np.random.Generator, name: str) -> list[Sample]:
+    """The sensor of that input says nothing now and then."""
+    made: list[Sample] = []
+    times = _times(samples[0].stamp, generator, lambda: generator.choice(SILENCES))
+    begin, end = next(times)
+    for sample in samples:
+        if sample.stamp >= end:
+            begin, end = next(times)
+        if sample.input != name or sample.stamp < begin:
+            made.append(sample)
+    return made
+
+
+def _times(
+    start: int, generator: np.random.Generator, seconds: Callable[[], float]
+) -> Iterator[tuple[int, int]]:
+    """Beginnings and ends in ns, one after the other; each lasts so long."""
+    wait = FIRST
+    while True:
+        begin = start + round(generator.uniform(*wait) * 1e9)
+        start = begin + round(seconds() * 1e9)
+        wait = BETWEEN
+        yield begin, start
+
+
+MISHAPS: dict[str, Callable[[Sequence[Sample], np.random.Generator], list[Sample]]] = {
+    "a radar that loses its lead": loses_its_lead,
+    "a radar that repeats itself": repeats_itself,
+    "a silent radar": partial(is_silent, name=RADAR),
+    "a silent accelerometer": partial(is_silent, name=ACCELERATION),
+    "a silent host speed": partial(is_silent, name=HOST_SPEED),
+}
+"""By name: healthy samples in the order of their stamps, as they are with it."""
