@@ -1883,6 +1883,26 @@ def test_a_large_fault_does_not_pass_for_another_car(car: Car, fault) -> None:
     assert all(car.delay(name, start) <= 0.2 for name in named)
 
 
+@pytest.mark.parametrize(
+    ("times", "faults"), [(2, set()), (5, set()), (12, {"clearance", "relative_velocity", "radar"})]
+)
+def test_a_message_that_is_sent_again_for_a_moment_tells_nothing(car: Car, times, faults) -> None:
+    """Nor does the lead's braking end with it; what is sent for longer is held."""
+    car.track_id, car.clearance, car.velocity = 2, 120.0, -14.0
+    car.drive(2.0)
+    car.lead_acceleration = -5.0
+    car.drive(0.5)
+    start, said = car.number, {}
+    while not said:
+        if car.number % SCAN == 0:
+            said = {"clearance_is": car.clearance, "relative_velocity_is": car.velocity}
+            car.drive(0.05 * times, **said)
+        else:
+            car.step()
+    car.drive(1.0)
+    assert car.faults_since(start) == faults
+
+
 def test_a_calm_target_is_not_held_because_another_one_moved(car: Car) -> None:
     """A radar of coarse steps, whose relative velocity is the same from a target's first scan."""
     car.track_id, car.clearance, car.velocity = 2, 80.0, -8.0

@@ -125,6 +125,9 @@ DRIFT_SEEN, DRIFT_DOUBT = 1.0, 0.35
 """Seconds in which it is seen how fast a clearance drifts, and share of a jump of the relative
 velocity by which that may differ from it."""
 
+SAID_AGAIN = 0.25
+"""Seconds for which a radar's last message may be sent again and again."""
+
 DRIVES_OFF = 0.75
 """m/s^2 that no relative velocity drifts by."""
 
@@ -266,14 +269,23 @@ def _scan(radar, settings, track_id):
     elif not (whole and is_another(radar, settings, track_id)):
         radar.id = track_id
         radar.scans += 1
-        # A sensor that says everything twice has nothing new to say the second time, but where the
-        # car stands both may be as they were.
-        twice = same_clearance and same_velocity and radar.clearance.repetition.run == 1
-        _judge(radar, settings, twice and radar.host_moves)
+        _judge(radar, settings, same_clearance and same_velocity and _says_again(radar))
     if clearance.new:
         radar.clearance.last, radar.clearance.last_at = clearance.value, clearance.at
     if velocity.new:
         radar.velocity.last, radar.velocity.last_at = velocity.value, velocity.at
+
+
+@inner
+def _says_again(radar):
+    """Whether a radar that says the same as before has nothing new to say, as one that says
+    everything twice, or whose last message is sent again; where the car stands both signals may be
+    as they were. What is said for longer is held, and what was off is off again."""
+    if not radar.host_moves:
+        return False
+    run = radar.clearance.repetition.run
+    is_off = is_bad(radar.clearance) or is_bad(radar.velocity)
+    return run == 1 or (run * radar.period <= SAID_AGAIN and not is_off)
 
 
 @inner
@@ -331,7 +343,8 @@ def _judge_signal(radar, settings, signal, measured, of_clearance, repeated):
     possible = ROUGH_CLEARANCE
     if not of_clearance:
         possible = max(ROUGH_VELOCITY, POSSIBLE_JERK * period * period)
-    take_roughness(signal.roughness, measured.at, measured.value, healthy, possible)
+    if not repeated:
+        take_roughness(signal.roughness, measured.at, measured.value, healthy, possible)
     count_scan(signal, settings.scan_confidence_max)
     changed = should_have_changed(radar, settings, signal, of_clearance)
     note_change(signal.repetition, changed)
