@@ -63,8 +63,11 @@ ONE_SCAN = 0.5
 """Scans by which a stamp may waver from that of the scan before."""
 
 CALM_CHANCE = 1e-2
-"""Probability below which a relative velocity that repeats itself for a moment may be that of a
-radar which lost its target."""
+"""Probability below which what repeats itself for a moment may be that of a radar which lost its
+target, or whose message is sent again."""
+
+SENT_AGAIN = 0.25
+"""Seconds for which a radar's last message may be sent again and again."""
 
 TAKEN_BACK = 2.0
 """Seconds of a held relative velocity that the track can be taken back by."""
@@ -130,6 +133,17 @@ def catches_up(radar, settings):
         return False
     doubt = velocity.limit + UNSEEN_LEAD * lost_for
     return abs(velocity.residual - radar.unsaid) <= doubt
+
+
+@inner
+def is_sent_again(radar):
+    """Whether both signals repeat themselves for a moment, and not by coincidence."""
+    clearance, velocity = radar.clearance.repetition, radar.velocity.repetition
+    run = min(clearance.run, velocity.run)
+    if not run or run * radar.period > SENT_AGAIN:
+        return False
+    alike = 1.0 / run_by_chance(clearance, CALM_CHANCE) + 1.0 / run_by_chance(velocity, CALM_CHANCE)
+    return run * alike >= 1.0
 
 
 @inner

@@ -22,6 +22,7 @@ from lfd_diagnosis.healthy_signal import (
 from lfd_diagnosis.held_radar import (
     catches_up,
     follow_held_velocity,
+    is_sent_again,
     is_stuck,
     should_have_changed,
     stand_both,
@@ -124,9 +125,6 @@ SHIFT_AGAIN = 1.0
 DRIFT_SEEN, DRIFT_DOUBT = 1.0, 0.35
 """Seconds in which it is seen how fast a clearance drifts, and share of a jump of the relative
 velocity by which that may differ from it."""
-
-SAID_AGAIN = 0.25
-"""Seconds for which a radar's last message may be sent again and again."""
 
 DRIVES_OFF = 0.75
 """m/s^2 that no relative velocity drifts by."""
@@ -281,11 +279,11 @@ def _says_again(radar):
     """Whether a radar that says the same as before has nothing new to say, as one that says
     everything twice, or whose last message is sent again; where the car stands both signals may be
     as they were. What is said for longer is held, and what was off is off again."""
-    if not radar.host_moves:
-        return False
-    run = radar.clearance.repetition.run
-    is_off = is_bad(radar.clearance) or is_bad(radar.velocity)
-    return run == 1 or (run * radar.period <= SAID_AGAIN and not is_off)
+    clearance, velocity = radar.clearance, radar.velocity
+    if not radar.host_moves or clearance.repetition.run == 1:
+        return radar.host_moves
+    is_off = is_bad(clearance) or is_bad(velocity)
+    return not is_off and isfinite(radar.host_speed) and is_sent_again(radar)
 
 
 @inner
