@@ -80,8 +80,10 @@ def follow_held_velocity(radar, settings, same):
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
     if not (same and radar.has_track):
         if velocity.new and radar.velocity.last_at > radar.held_since:
-            radar.sees_again_at, radar.unsaid = velocity.at, radar.changed_while_held
+            radar.sees_again_at = velocity.at
             radar.unsaid_for = radar.velocity.last_at - radar.held_since
+            more = radar.track_when_held.acceleration - radar.lead_when_held
+            radar.unsaid = radar.changed_while_held + more * radar.unsaid_for
         begin_to_hold(radar)
         return
     period = velocity.at - radar.velocity.last_at
