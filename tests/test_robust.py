@@ -1884,21 +1884,26 @@ def test_a_large_fault_does_not_pass_for_another_car(car: Car, fault) -> None:
 
 
 @pytest.mark.parametrize(
-    ("times", "faults"), [(2, set()), (5, set()), (12, {"clearance", "relative_velocity", "radar"})]
+    ("times", "check", "faults"),
+    [
+        (2, True, set()),
+        (5, True, set()),
+        (5, False, {"clearance", "radar"}),
+        (12, True, {"clearance", "relative_velocity", "radar"}),
+    ],
 )
-def test_a_message_that_is_sent_again_for_a_moment_tells_nothing(car: Car, times, faults) -> None:
+def test_a_message_that_is_sent_again_for_a_moment_tells_nothing(times, check, faults) -> None:
     """Nor does the lead's braking end with it; what is sent for longer is held."""
-    car.track_id, car.clearance, car.velocity = 2, 120.0, -14.0
-    car.drive(2.0)
+    car = Car(check_repetition=check)
+    car.clearance, car.velocity = 150.0, -14.0
+    car.drive(4.0)
     car.lead_acceleration = -5.0
     car.drive(0.5)
-    start, said = car.number, {}
-    while not said:
-        if car.number % SCAN == 0:
-            said = {"clearance_is": car.clearance, "relative_velocity_is": car.velocity}
-            car.drive(0.05 * times, **said)
-        else:
-            car.step()
+    start = car.number
+    while car.number % SCAN:
+        car.step()
+    said = {"clearance_is": car.clearance, "relative_velocity_is": car.velocity}
+    car.drive(0.05 * times, **said)
     car.drive(1.0)
     assert car.faults_since(start) == faults
 

@@ -267,7 +267,7 @@ def _scan(radar, settings, track_id):
     elif not (whole and is_another(radar, settings, track_id)):
         radar.id = track_id
         radar.scans += 1
-        _judge(radar, settings, same_clearance and same_velocity and _says_again(radar))
+        _judge(radar, settings, same_clearance and same_velocity and _says_again(radar, settings))
     if clearance.new:
         radar.clearance.last, radar.clearance.last_at = clearance.value, clearance.at
     if velocity.new:
@@ -275,15 +275,16 @@ def _scan(radar, settings, track_id):
 
 
 @inner
-def _says_again(radar):
+def _says_again(radar, settings):
     """Whether a radar that says the same as before has nothing new to say, as one that says
     everything twice, or whose last message is sent again; where the car stands both signals may be
     as they were. What is said for longer is held, and what was off is off again."""
     clearance, velocity = radar.clearance, radar.velocity
     if not radar.host_moves or clearance.repetition.run == 1:
         return radar.host_moves
-    is_off = is_bad(clearance) or is_bad(velocity)
-    return not is_off and isfinite(radar.host_speed) and is_sent_again(radar)
+    if not settings.check_repetition or is_bad(clearance) or is_bad(velocity):
+        return False
+    return isfinite(radar.host_speed) and is_sent_again(radar)
 
 
 @inner

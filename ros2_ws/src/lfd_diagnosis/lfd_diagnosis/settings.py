@@ -201,8 +201,8 @@ class FaultHandling(Settings):
     check_repetition: bool = setting(
         True,
         "1",
-        "a signal that repeats itself longer than it ever did is faulty, and what a radar says"
-        " after a shorter run may be what it did not see",
+        "a signal that repeats itself longer than it ever did is faulty, a message that is sent"
+        " again tells nothing, and what a radar says after a run may be what it did not see",
         ROBUST,
     )
     latch: bool = setting(

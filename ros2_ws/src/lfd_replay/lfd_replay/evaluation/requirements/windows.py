@@ -1,5 +1,6 @@
 """One drive with faults through both profiles: what each made of every window."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
@@ -110,7 +111,7 @@ def load(run: Run, recorded: Path | None) -> Drive:
     return generate_drive(run.drive, run.seed, run.sensor, run.peak)
 
 
-def _with_mishaps(run: Run, samples: list[Sample]) -> list[Sample]:
+def _with_mishaps(run: Run, samples: Sequence[Sample]) -> Sequence[Sample]:
     """The samples of a drive with what happens to its sensors, the same for the same seed."""
     if not run.mishap:
         return samples
