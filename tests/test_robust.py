@@ -2144,14 +2144,12 @@ def test_what_an_accelerometer_said_before_a_silence_is_no_evidence_after_it(
     assert not car.faults_since(0)
 
 
-@pytest.mark.parametrize(
-    ("silence", "size", "most"),
-    [(0.4, 1.5, 0.3), (0.4, -2.0, 0.3), (0.4, 4.0, 0.3), (3.0, -4.0, 0.4), (3.0, 4.0, 0.4)],
-)
+@pytest.mark.parametrize(("size", "most"), [(1.5, 0.4), (-2.0, 0.3), (4.0, 0.3)])
+@pytest.mark.parametrize("silence", [0.4, 1.5, 6.0])
 def test_an_offset_that_begins_in_a_silence_is_told_after_it(
     car: Car, silence: float, size: float, most: float
 ) -> None:
-    """The longer it lasts, the more the road's slope may be another one."""
+    """Though the road's slope may be another one by then."""
     car.accelerometer_silent = True
     car.drive(silence)
     car.accelerometer_silent = False

@@ -61,9 +61,9 @@ WARM_UP = 3.0
 RESTED = 2.0
 """Seconds for which a lead must have been at rest before a car that seems to stand surely does."""
 
-STILL_KNOWN, SLOPE_DOUBT = 1.0, 0.8
-"""Seconds of learning that a slope is worth however long nothing was heard of it, and how many of
-them each second of that takes."""
+STILL_KNOWN, KNOWN_AFTER_SILENCE, SLOPE_DOUBT = 1.0, 2.5, 0.8
+"""Seconds of learning that a slope is worth however long nothing was heard of it, or nothing of the
+accelerometer, which may be another one afterwards; and how many of them each second of that takes."""
 
 LAG_DOUBT, CALM_JERK, LAG_MOST = 0.15, 4.0, 1.5
 """s by which the lag may differ from what is known of it before a jerk has told it, m/s^3 up to
@@ -125,7 +125,7 @@ def against_speed(monitor, settings):
     off = monitor.filtered - derivative + smooth * monitor.own_jerk
     if monitor.faulty:
         if monitor.kind == Kind.HOLD or monitor.kind == Kind.ZERO:
-            doubt_slope(monitor)
+            doubt_slope(monitor, STILL_KNOWN)
         _still_off(monitor, settings, off)
         return
     if isnan(monitor.baseline):
@@ -190,9 +190,10 @@ def _levelling(monitor, settings, slow):
 
 
 @inner
-def doubt_slope(monitor):
-    """A step that tells nothing of the slope of the road, which may change meanwhile."""
-    least = min(monitor.slope_known, STILL_KNOWN)
+def doubt_slope(monitor, worth):
+    """A step that tells nothing of the slope of the road, which may change meanwhile, but still is
+    `worth` so many seconds of learning."""
+    least = min(monitor.slope_known, worth)
     known = min(monitor.slope_known, WARM_UP) - SLOPE_DOUBT * STEP_S
     monitor.slope_known = max(known, least)
 

@@ -17,6 +17,8 @@ from lfd_diagnosis.acceleration_against_lead import (
     waits,
 )
 from lfd_diagnosis.acceleration_against_speed import (
+    KNOWN_AFTER_SILENCE,
+    STILL_KNOWN,
     against_speed,
     allowance_of,
     doubt_slope,
@@ -258,7 +260,7 @@ def judge_acceleration(
         restart_jump(monitor.jump)
         start_bend(monitor.bend)
         if not monitor.faulty:
-            doubt_slope(monitor)
+            doubt_slope(monitor, KNOWN_AFTER_SILENCE)
         return
     monitor.ticks += 1
     rests = is_resting(relative_velocity)
@@ -272,7 +274,7 @@ def judge_acceleration(
         restart_jump(monitor.jump)
         start_bend(monitor.bend)
         if not monitor.faulty:
-            doubt_slope(monitor)
+            doubt_slope(monitor, STILL_KNOWN)
         against_lead(monitor, settings, relative_velocity, lead_report)
     exceeded = is_exceeded(check)
     _count(monitor, settings, exceeded)
