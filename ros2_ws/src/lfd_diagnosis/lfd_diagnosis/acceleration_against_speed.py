@@ -62,8 +62,9 @@ RESTED = 2.0
 """Seconds for which a lead must have been at rest before a car that seems to stand surely does."""
 
 STILL_KNOWN, KNOWN_AFTER_SILENCE, SLOPE_DOUBT = 1.0, 2.5, 0.8
-"""Seconds of learning that a slope is worth however long nothing was heard of it, or nothing of the
-accelerometer, which may be another one afterwards; and how many of them each second of that takes."""
+"""Seconds of learning that a slope is worth however long nothing was heard of it, and after a
+silence of an accelerometer, which may come back with an offset; and how many of them each second of
+that takes."""
 
 LAG_DOUBT, CALM_JERK, LAG_MOST = 0.15, 4.0, 1.5
 """s by which the lag may differ from what is known of it before a jerk has told it, m/s^3 up to
