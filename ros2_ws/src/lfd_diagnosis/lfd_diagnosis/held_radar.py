@@ -139,10 +139,14 @@ def catches_up(radar, settings):
 
 @inner
 def is_sent_again(radar):
-    """Whether both signals repeat themselves for a moment, and not by coincidence."""
+    """Whether both signals repeat themselves for a moment, not by coincidence, nor because hardly
+    anything moves."""
     clearance, velocity = radar.clearance.repetition, radar.velocity.repetition
     run = min(clearance.run, velocity.run)
-    if not run or run * radar.period > SENT_AGAIN:
+    time = run * radar.period
+    if not run or time > SENT_AGAIN:
+        return False
+    if abs(velocity.value) * time < resolution_of(radar.clearance.roughness):
         return False
     alike = 1.0 / run_by_chance(clearance, CALM_CHANCE) + 1.0 / run_by_chance(velocity, CALM_CHANCE)
     return run * alike >= 1.0
