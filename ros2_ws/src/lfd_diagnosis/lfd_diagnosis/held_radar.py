@@ -82,6 +82,7 @@ def follow_held_velocity(radar, settings, same):
         if velocity.new and radar.velocity.last_at > radar.held_since:
             radar.sees_again_at = velocity.at
             radar.unsaid_for = radar.velocity.last_at - radar.held_since
+            # For so short a time a lead goes on as it just did, not as in the mean.
             more = radar.track_when_held.acceleration - radar.lead_when_held
             radar.unsaid = radar.changed_while_held + more * radar.unsaid_for
         begin_to_hold(radar)
@@ -138,18 +139,20 @@ def catches_up(radar, settings):
 
 
 @inner
-def is_sent_again(radar):
+def is_sent_again(radar, settings):
     """Whether both signals repeat themselves for a moment, not by coincidence, nor because hardly
-    anything moves."""
-    clearance, velocity = radar.clearance.repetition, radar.velocity.repetition
-    run = min(clearance.run, velocity.run)
+    anything moves; what was off is off again."""
+    clearance, velocity = radar.clearance, radar.velocity
+    if not settings.check_repetition or is_bad(clearance) or is_bad(velocity):
+        return False
+    run = min(clearance.repetition.run, velocity.repetition.run)
     time = run * radar.period
-    if not run or time > SENT_AGAIN:
+    if isnan(radar.host_speed) or time > SENT_AGAIN:
         return False
-    if abs(velocity.value) * time < resolution_of(radar.clearance.roughness):
+    if abs(velocity.last) * time < resolution_of(clearance.roughness):
         return False
-    alike = 1.0 / run_by_chance(clearance, CALM_CHANCE) + 1.0 / run_by_chance(velocity, CALM_CHANCE)
-    return run * alike >= 1.0
+    by_chance = run_by_chance(clearance.repetition, CALM_CHANCE)
+    return run / by_chance + run / run_by_chance(velocity.repetition, CALM_CHANCE) >= 1.0
 
 
 @inner

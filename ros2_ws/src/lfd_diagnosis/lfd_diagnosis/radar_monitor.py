@@ -278,13 +278,10 @@ def _scan(radar, settings, track_id):
 def _says_again(radar, settings):
     """Whether a radar that says the same as before has nothing new to say, as one that says
     everything twice, or whose last message is sent again; where the car stands both signals may be
-    as they were. What is said for longer is held, and what was off is off again."""
-    clearance, velocity = radar.clearance, radar.velocity
-    if not radar.host_moves or clearance.repetition.run == 1:
-        return radar.host_moves
-    if not settings.check_repetition or is_bad(clearance) or is_bad(velocity):
+    as they were."""
+    if not radar.host_moves:
         return False
-    return isfinite(radar.host_speed) and is_sent_again(radar)
+    return radar.clearance.repetition.run == 1 or is_sent_again(radar, settings)
 
 
 @inner

@@ -1,13 +1,14 @@
 """What happens to healthy sensors now and then: a radar loses its lead or repeats itself, and a
 sensor says nothing for a while. None of it is a fault of what they say."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
+from lfd_replay.faults import FaultInjector, parse_faults
 
 FIRST, BETWEEN = (2.0, 20.0), (5.0, 20.0)
 """Seconds before the first mishap and between two, evenly drawn."""
@@ -27,23 +28,18 @@ def loses_its_lead(samples: Sequence[Sample], generator: np.random.Generator) ->
     stays and its clearance goes on by it."""
     made: list[Sample] = []
     knew: RadarSample | None = None
-    times = _times(samples[0].stamp, generator, lambda: generator.uniform(*UNSEEN))
-    begin, end = next(times)
+    times = _times(samples, generator, lambda: generator.uniform(*UNSEEN))
     for sample in samples:
-        if not isinstance(sample, RadarSample) or not sample.has_target:
-            if sample.input == RADAR:
-                knew = None
-            made.append(sample)
-            continue
-        if sample.stamp >= end:
-            begin, end = next(times)
-        if begin <= sample.stamp and knew and knew.track_id == sample.track_id:
-            velocity = knew.relative_velocity
-            gone = velocity * (sample.stamp - knew.stamp) * 1e-9
-            clearance = round(max(knew.clearance + gone, 0.0), 2)
-            sample = replace(sample, clearance=clearance, relative_velocity=velocity)
-        else:
-            knew = sample
+        if isinstance(sample, RadarSample):
+            at = (sample.stamp - samples[0].stamp) * 1e-9
+            unseen = any(begin <= at < end for begin, end in times)
+            if unseen and knew and sample.has_target and knew.track_id == sample.track_id:
+                velocity = knew.relative_velocity
+                gone = velocity * (sample.stamp - knew.stamp) * 1e-9
+                clearance = round(max(knew.clearance + gone, 0.0), 2)
+                sample = replace(sample, clearance=clearance, relative_velocity=velocity)
+            else:
+                knew = sample if sample.has_target else None
         made.append(sample)
     return made
 
@@ -67,28 +63,24 @@ def repeats_itself(samples: Sequence[Sample], generator: np.random.Generator) ->
 
 
 def is_silent(samples: Sequence[Sample], generator: np.random.Generator, name: str) -> list[Sample]:
-    """The sensor of that input says nothing now and then."""
-    made: list[Sample] = []
-    times = _times(samples[0].stamp, generator, lambda: generator.choice(SILENCES))
-    begin, end = next(times)
-    for sample in samples:
-        if sample.stamp >= end:
-            begin, end = next(times)
-        if sample.input != name or sample.stamp < begin:
-            made.append(sample)
-    return made
+    """The sensor of that input says nothing now and then: dropouts, but none that anyone looks
+    for."""
+    times = _times(samples, generator, lambda: generator.choice(SILENCES))
+    dropouts = parse_faults(f"dropout:{name}@{begin:.4f}-{end:.4f}" for begin, end in times)
+    return FaultInjector(dropouts, samples[0].stamp, 0).apply(samples)
 
 
 def _times(
-    start: int, generator: np.random.Generator, seconds: Callable[[], float]
-) -> Iterator[tuple[int, int]]:
-    """Beginnings and ends in ns, one after the other; each lasts so long."""
-    wait = FIRST
-    while True:
-        begin = start + round(generator.uniform(*wait) * 1e9)
-        start = begin + round(seconds() * 1e9)
-        wait = BETWEEN
-        yield begin, start
+    samples: Sequence[Sample], generator: np.random.Generator, seconds: Callable[[], float]
+) -> list[tuple[float, float]]:
+    """Beginnings and ends of mishaps all along a drive in s of its time; each lasts so long."""
+    duration = (samples[-1].stamp - samples[0].stamp) * 1e-9
+    times: list[tuple[float, float]] = []
+    begin = generator.uniform(*FIRST)
+    while begin < duration:
+        times.append((begin, begin + seconds()))
+        begin = times[-1][1] + generator.uniform(*BETWEEN)
+    return times
 
 
 MISHAPS: dict[str, Callable[[Sequence[Sample], np.random.Generator], list[Sample]]] = {

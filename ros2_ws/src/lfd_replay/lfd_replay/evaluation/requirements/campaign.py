@@ -158,7 +158,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
         add(f"recorded sensors in traffic: {name}", runs, judges.judge_in_traffic)
         for mishap in MISHAPS:
             runs = [replace(run, mishap=mishap) for run in traffic]
-            add(f"{mishap} in traffic: healthy", runs, judges.judge_healthy)
+            add(f"in traffic, {mishap}: healthy", runs, judges.judge_healthy)
         made += _one_signal_in_traffic("recorded sensors in traffic", extent, RECORDED_SENSORS)
         for name, values in plan.COMBINATIONS.items():
             runs = plan.recorded_sensors(extent, values, signed=False)
@@ -361,9 +361,9 @@ def ablation_runs(extent: Extent, recorded: bool) -> dict[str, list[Run]]:
     }
     if recorded:
         groups["nearest in path"] = [Run(NEAREST, 0), *plan.nearest(plan.PAPER)[:2]]
-        groups["a radar that loses its lead"] = [
-            Run(name, 1, sensor=RECORDED_SENSORS, mishap="a radar that loses its lead")
-            for name in TRAFFIC[:12]
+        mishap = "a radar that loses its lead"
+        groups[mishap] = [
+            Run(name, 1, sensor=RECORDED_SENSORS, mishap=mishap) for name in TRAFFIC[:12]
         ]
     return groups
 
