@@ -1571,6 +1571,19 @@ def test_a_radar_that_lost_its_lead_for_a_moment_catches_up(
     assert car.faults_since(start) == faulty
 
 
+@pytest.mark.parametrize("repeats", [0, 1, 2, 3])
+def test_an_offset_after_a_few_equal_values_is_no_lead_that_was_not_seen(
+    car: Car, repeats: int
+) -> None:
+    """No radar goes on for less than four scans, and two of them are alike by coincidence."""
+    while car.number % SCAN:
+        car.step()
+    car.drive(0.05 * (repeats + 1), relative_velocity_is=car.velocity)
+    start = car.number
+    car.drive(0.5, relative_velocity=0.95)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+
+
 def test_where_repetition_tells_nothing_no_radar_catches_up() -> None:
     car = Car(check_repetition=False)
     car.drive(12.0)

@@ -55,9 +55,10 @@ AT_REST = 0.5
 UNKNOWN_LEAD = 1.5
 """m/s^2 that a lead may accelerate by when it comes into view."""
 
-UNSEEN_LEAD, UNSEEN_TIME = 2.0, 0.5
+UNSEEN_LEAD, UNSEEN_LEAST, UNSEEN_MOST = 2.0, 0.2, 0.5
 """m/s^2 that a lead may begin to accelerate by while a radar that lost it says what it knew, and
-seconds for which it does so at most: what repeats itself for longer is calm, coarse, or held."""
+seconds for which it does so: what repeats itself for less does so by coincidence, what does for
+longer is calm, coarse, or held."""
 
 ONE_SCAN = 0.5
 """Scans by which a stamp may waver from that of the scan before."""
@@ -127,10 +128,12 @@ def catches_up(radar, settings):
     """Whether a relative velocity says by now, all at once, what it did not say while it repeated
     itself: a radar that lost its target for a moment goes on from what it knew."""
     velocity, lost_for = radar.velocity, radar.unsaid_for
-    if not settings.check_repetition or lost_for > UNSEEN_TIME + ONE_SCAN * radar.period:
+    wavers = ONE_SCAN * radar.period
+    for_a_moment = UNSEEN_LEAST - wavers <= lost_for <= UNSEEN_MOST + wavers
+    if not (settings.check_repetition and for_a_moment):
         return False
     # The first scan that is off must be the one that no longer repeats itself.
-    if velocity.last_at - radar.sees_again_at > ONE_SCAN * radar.period:
+    if velocity.last_at - radar.sees_again_at > wavers:
         return False
     if lost_for < radar.period * run_by_chance(velocity.repetition, CALM_CHANCE):
         return False
