@@ -553,6 +553,28 @@ def test_a_signal_that_repeats_itself_is_named(car: Car, signal: str, kind: Kind
     assert getattr(report, signal).kind == kind
 
 
+@pytest.mark.parametrize(("seconds", "faulty"), [(0.9, set()), (1.2, {"clearance", "radar"})])
+def test_a_clearance_that_does_not_even_waver_is_held(
+    car: Car, seconds: float, faulty: set[str]
+) -> None:
+    """Nothing moves: it is told by its own noise, but not before a second has passed."""
+    start, (held, _) = car.number, car.seen
+    report = car.drive(seconds, clearance_is=held).report
+    assert car.faults_since(start) == faulty
+    assert not faulty or report.clearance.kind == Kind.HOLD
+
+
+def test_a_held_clearance_is_told_the_sooner_the_longer_it_is_no_coincidence(car: Car) -> None:
+    """It should have gone 0.3 m by then, not the 0.45 m of a run that may be one."""
+    car.lead_acceleration = 0.4
+    car.drive(1.0)
+    car.lead_acceleration = 0.0
+    car.drive(1.0)
+    start, (held, _) = car.number, car.seen
+    car.drive(0.9, clearance_is=held)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
 @pytest.mark.parametrize("velocity", [1.0, -1.0, 0.6])
 def test_a_held_clearance_is_told_where_a_radar_has_narrow_limits_too(velocity: float) -> None:
     """It leaves them gradually, as a drift does; the path would take a second longer to tell."""

@@ -9,6 +9,7 @@ from lfd_diagnosis.healthy_signal import (
     deviation,
     is_beyond_chance,
     is_frozen,
+    is_frozen_for,
     repeats_by_itself,
     resolution_of,
     run_by_chance,
@@ -28,6 +29,10 @@ HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 
 """What tells that a relative velocity which repeats itself should have changed: m/s, and steps of
 its resolution, by host and lead, and m/s^2 of doubt about the lead after a second; or deviations of
 the clearance's noise by which that leaves the path, filtered by a share."""
+
+TOO_CALM, NOISY_UNCHANGED = 1.0, 2.0
+"""Seconds, and how many times longer than chance or than ever, for which a clearance whose noise
+seldom lets it say the same must do so while nothing tells that it should change."""
 
 AT_ONCE, GRADUALLY, CONFIRMED = 4, 1.5, 0.5
 """Scans in which a clearance goes over to another part of the car, deviations of its noise and
@@ -225,7 +230,7 @@ def take_back_held(radar, settings, age):
 def is_stuck(radar, settings, signal, of_clearance, changed):
     """A value repeated for too long, or though it should have `changed`."""
     if of_clearance and not _repeats_itself(radar):
-        return changed and is_held(signal)
+        return (changed and is_held(signal)) or _is_too_calm(radar)
     if stand_both(radar) or (of_clearance and not radar.host_moves):
         return False
     if not of_clearance:
@@ -240,6 +245,21 @@ def is_stuck(radar, settings, signal, of_clearance, changed):
             # What it repeats is still true.
             return False
     return is_frozen(signal.repetition, changed)
+
+
+@inner
+def _is_too_calm(radar):
+    """Whether a clearance says the same for too long, though nothing tells that it should change:
+    not even its noise does."""
+    repetition = radar.clearance.repetition
+    may_stand = not radar.host_moves or (
+        isnan(radar.host_speed) and abs(radar.measured_velocity.value) < AT_REST
+    )
+    if may_stand or repetition.run * radar.period < TOO_CALM:
+        return False
+    if repeats_by_itself(repetition):
+        return is_frozen(repetition, False)
+    return is_frozen_for(repetition, False, NOISY_UNCHANGED)
 
 
 @inner
@@ -267,9 +287,12 @@ def should_have_changed(radar, settings, signal, of_clearance):
     if _repeats_itself(radar):
         return True
     if of_clearance:
+        longer = 1.0
+        if not is_held(radar.velocity):
+            by_chance = run_by_chance(clearance.repetition, CHANCE)
+            longer = max(clearance.repetition.run / by_chance, 1.0)
         moved = max(
-            HELD_PATH,
-            HELD_SIGMA * deviation(clearance.noise),
+            max(HELD_PATH, HELD_SIGMA * deviation(clearance.noise)) / longer,
             HELD_STEPS * clearance.roughness.resolution + sqrt(wander_of(radar, settings)),
         )
         travelled = radar.travelled_while_held
