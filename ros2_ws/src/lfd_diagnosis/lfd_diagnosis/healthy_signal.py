@@ -291,13 +291,25 @@ def is_frozen_for(repetition, should_change, unchanged):
     if repetition.samples < ENOUGH or repetition.run < repetition.least:
         return False
     if should_change:
-        chance = run_by_chance(repetition, CHANCE)
-        # A run that was too long to be chance may have been a fault that nobody could tell.
-        longest = min(1.5 * repetition.longest + 2.0, NO_CHANCE * chance)
-        odd = min(1.5 * repetition.longest_odd + 2.0, chance)
-        return repetition.odd >= odd and repetition.run >= max(longest, chance)
+        odd = min(1.5 * repetition.longest_odd + 2.0, run_by_chance(repetition, CHANCE))
+        return repetition.odd >= odd and repetition.run >= _healthy_run(repetition)
     longest = max(2.0 * repetition.longest + 2.0, run_by_chance(repetition, REMOTE))
     return repetition.run >= unchanged * longest
+
+
+@inner
+def _healthy_run(repetition):
+    """Equal samples in a row that a healthy signal may have: by chance, or since it had as many."""
+    chance = run_by_chance(repetition, CHANCE)
+    # A run that was too long to be chance may have been a fault that nobody could tell.
+    return max(min(1.5 * repetition.longest + 2.0, NO_CHANCE * chance), chance)
+
+
+@inner
+def times_too_long(repetition):
+    """How many times longer the run is than a healthy one may be, at least 1: the longer, the less
+    else must tell that the signal should have changed."""
+    return max(repetition.run / max(_healthy_run(repetition), repetition.least), 1.0)
 
 
 @inner

@@ -14,6 +14,7 @@ from lfd_diagnosis.healthy_signal import (
     resolution_of,
     run_by_chance,
     start_ring,
+    times_too_long,
 )
 from lfd_diagnosis.lead_track import predict_track, set_clearance
 from lfd_diagnosis.radar_signal import is_bad, is_held
@@ -38,6 +39,10 @@ AT_ONCE, GRADUALLY, CONFIRMED = 4, 1.5, 0.5
 """Scans in which a clearance goes over to another part of the car, deviations of its noise and
 wandering that it must leave the path by beside that, and share of these that it need not if host
 and lead say the same."""
+
+NOISE_TIMES, WANDER_TIMES = 1.6, 4.0
+"""How many times less noise and wandering of the clearance excuse at most, as a relative velocity
+says the same for longer than a healthy one may."""
 
 REFUTED = 2.0
 """Times that by which the clearance may be off by itself, by which it must have been expected to be
@@ -230,14 +235,16 @@ def take_back_held(radar, settings, age):
 def is_stuck(radar, settings, signal, of_clearance, changed):
     """A value repeated for too long, or though it should have `changed`."""
     if of_clearance and not _repeats_itself(radar):
-        return (changed and is_held(signal)) or _is_too_calm(radar)
+        if changed:
+            return is_held(signal)
+        moves = radar.host_moves and not _may_both_stand(radar)
+        return moves and _is_too_calm(radar)
     if stand_both(radar) or (of_clearance and not radar.host_moves):
         return False
     if not of_clearance:
         if _has_left(radar, settings) and velocity_seems_held(radar):
             return True
-        if isnan(radar.host_speed) and abs(radar.measured_velocity.value) < AT_REST:
-            # Both cars may stand.
+        if _may_both_stand(radar):
             return False
         if radar.leapt_to_zero and _stays_at_zero(signal.repetition):
             return True
@@ -252,14 +259,16 @@ def _is_too_calm(radar):
     """Whether a clearance says the same for too long, though nothing tells that it should change:
     not even its noise does."""
     repetition = radar.clearance.repetition
-    may_stand = not radar.host_moves or (
-        isnan(radar.host_speed) and abs(radar.measured_velocity.value) < AT_REST
-    )
-    if may_stand or repetition.run * radar.period < TOO_CALM:
-        return False
     if repeats_by_itself(repetition):
         return is_frozen(repetition, False)
-    return is_frozen_for(repetition, False, NOISY_UNCHANGED)
+    long = repetition.run * radar.period >= TOO_CALM
+    return long and is_frozen_for(repetition, False, NOISY_UNCHANGED)
+
+
+@inner
+def _may_both_stand(radar):
+    """Whether both cars may stand, where the host's speed is not known."""
+    return isnan(radar.host_speed) and abs(radar.measured_velocity.value) < AT_REST
 
 
 @inner
@@ -287,10 +296,7 @@ def should_have_changed(radar, settings, signal, of_clearance):
     if _repeats_itself(radar):
         return True
     if of_clearance:
-        longer = 1.0
-        if not is_held(radar.velocity):
-            by_chance = run_by_chance(clearance.repetition, CHANCE)
-            longer = max(clearance.repetition.run / by_chance, 1.0)
+        longer = 1.0 if is_held(radar.velocity) else times_too_long(clearance.repetition)
         moved = max(
             max(HELD_PATH, HELD_SIGMA * deviation(clearance.noise)) / longer,
             HELD_STEPS * clearance.roughness.resolution + sqrt(wander_of(radar, settings)),
@@ -337,8 +343,17 @@ def _is_followed(radar):
 def _usually_off(radar, settings):
     """How far (m) the clearance may be off the path of a relative velocity that repeats itself
     rightly."""
-    beside = sqrt(radar.clearance.noise.variance + WANDERING * wander_of(radar, settings))
-    return HELD_OFF * beside + _rounded(radar)
+    return HELD_OFF * _beside(radar, settings, WANDERING) + _rounded(radar)
+
+
+@inner
+def _beside(radar, settings, share):
+    """Deviation (m) of the clearance's noise, and a share of how it wanders: the longer the relative
+    velocity says the same, the less that excuses."""
+    times = times_too_long(radar.velocity.repetition)
+    noise = deviation(radar.clearance.noise) / min(times, NOISE_TIMES)
+    wander = share * wander_of(radar, settings) / min(times, WANDER_TIMES) ** 2
+    return sqrt(noise * noise + wander)
 
 
 @inner
@@ -369,7 +384,7 @@ def _has_left(radar, settings):
     left, once = radar.off_while_held, radar.most_at_once
     if _has_left_by(radar, left, _usually_off(radar, settings)):
         return True
-    little = GRADUALLY * sqrt(radar.clearance.noise.variance + wander_of(radar, settings))
+    little = GRADUALLY * _beside(radar, settings, 1.0)
     if radar.changed_while_held * left > 0.0:
         told = min(abs(radar.changed_while_held) / _change_in_doubt(radar), 1.0)
         little *= 1.0 - CONFIRMED * told
