@@ -348,8 +348,8 @@ def _usually_off(radar, settings):
 
 @inner
 def _beside(radar, settings, share):
-    """Deviation (m) of the clearance's noise, and a share of how it wanders: the longer the relative
-    velocity says the same, the less that excuses."""
+    """Deviation (m) of the clearance's noise, and a share of how it wanders: the longer the
+    relative velocity says the same, the less that excuses."""
     times = times_too_long(radar.velocity.repetition)
     noise = deviation(radar.clearance.noise) / min(times, NOISE_TIMES)
     wander = share * wander_of(radar, settings) / min(times, WANDER_TIMES) ** 2
