@@ -39,7 +39,6 @@ from lfd_diagnosis.evidence import Ground, give_ground, is_exceeded
 from lfd_diagnosis.healthy_signal import (
     POSSIBLE_JERK,
     SAME_STAMP,
-    UNCHANGED,
     append,
     as_measured,
     at,
@@ -53,12 +52,12 @@ from lfd_diagnosis.healthy_signal import (
     is_rough,
     mean_of,
     note_change,
-    repeats_by_itself,
     resolution_of,
     rough_share,
     share_of,
     take_repetition,
     take_roughness,
+    times_unchanged,
 )
 from lfd_diagnosis.host_speed import (
     JERK_SHARE,
@@ -282,7 +281,7 @@ def judge_acceleration(
     if monitor.fresh:
         note_change(monitor.repetition, should_change)
     # Where noise changes it all the time, a car that moves makes it repeat nothing for long.
-    unchanged = UNCHANGED if repeats_by_itself(monitor.repetition) else UNCHANGED_NOISY
+    unchanged = times_unchanged(monitor.repetition, UNCHANGED_NOISY)
     frozen = (
         settings.check_repetition
         and is_frozen_for(monitor.repetition, should_change, unchanged)

@@ -325,6 +325,13 @@ def repeats_by_itself(repetition):
 
 
 @inner
+def times_unchanged(repetition, noisy):
+    """How many times longer a run must be without a reason to change: `noisy` times where noise
+    changes the signal all the time."""
+    return UNCHANGED if repeats_by_itself(repetition) else noisy
+
+
+@inner
 def run_by_chance(repetition, probability):
     """How many samples in a row are equal with that probability, by how many were so far."""
     return log(probability) / log(min(max(_share_of_equal(repetition), 0.01), 0.99))

@@ -15,6 +15,7 @@ from lfd_diagnosis.healthy_signal import (
     run_by_chance,
     start_ring,
     times_too_long,
+    times_unchanged,
 )
 from lfd_diagnosis.lead_track import predict_track, set_clearance
 from lfd_diagnosis.radar_signal import is_bad, is_held
@@ -31,7 +32,7 @@ HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 
 its resolution, by host and lead, and m/s^2 of doubt about the lead after a second; or deviations of
 the clearance's noise by which that leaves the path, filtered by a share."""
 
-TOO_CALM, NOISY_UNCHANGED = 1.0, 2.0
+TOO_CALM, UNCHANGED_NOISY = 1.0, 2.0
 """Seconds, and how many times longer than chance or than ever, for which a clearance whose noise
 seldom lets it say the same must do so while nothing tells that it should change."""
 
@@ -259,10 +260,9 @@ def _is_too_calm(radar):
     """Whether a clearance says the same for too long, though nothing tells that it should change:
     not even its noise does."""
     repetition = radar.clearance.repetition
-    if repeats_by_itself(repetition):
-        return is_frozen(repetition, False)
     long = repetition.run * radar.period >= TOO_CALM
-    return long and is_frozen_for(repetition, False, NOISY_UNCHANGED)
+    unchanged = times_unchanged(repetition, UNCHANGED_NOISY)
+    return long and is_frozen_for(repetition, False, unchanged)
 
 
 @inner
