@@ -1572,6 +1572,23 @@ def lose_the_lead(car: Car, seconds: float) -> None:
         car.step(clearance_is=clearance + 0.01 * step * velocity, relative_velocity_is=velocity)
 
 
+@pytest.mark.parametrize("acceleration", [2.0, -2.0])
+def test_a_lead_that_is_not_seen_while_it_changes_its_speed_is_no_held_radar(
+    car: Car, acceleration: float
+) -> None:
+    """The clearance goes on as the relative velocity says, as no measured one does."""
+    car.lead_acceleration = acceleration
+    car.drive(1.0)
+    start = car.number
+    lose_the_lead(car, 0.48)
+    car.drive(1.0)
+    assert not car.faults_since(start)
+    # A measured one does not go so.
+    start = car.number
+    car.drive(0.48, relative_velocity_is=car.seen[1])
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+
+
 @pytest.mark.parametrize(
     ("braking", "seconds", "faulty"),
     [

@@ -2,6 +2,8 @@
 
 from math import exp, isnan, sqrt
 
+import numpy as np
+
 from lfd_diagnosis.healthy_signal import (
     CHANCE,
     append,
@@ -71,6 +73,10 @@ UNSEEN_LEAD, UNSEEN_LEAST, UNSEEN_MOST = 2.0, 0.2, 0.5
 seconds for which it does so: what repeats itself for less does so by coincidence, what does for
 longer is calm, coarse, or held."""
 
+ROUNDED, STAMPS_WAVER = 1.5, 0.005
+"""Steps of its resolution, and s of the way, by which a clearance may waver that is made of a
+relative velocity."""
+
 ONE_SCAN = 0.5
 """Scans by which a stamp may waver from that of the scan before."""
 
@@ -109,6 +115,8 @@ def follow_held_velocity(radar, settings, same):
     radar.clearance_when_held += velocity.value * period
     if clearance.new:
         off = clearance.value - radar.clearance_when_held
+        radar.least_off = min(radar.least_off, off)
+        radar.most_off = max(radar.most_off, off)
         off = _nearest_to_zero(off, off - radar.beside_when_held)
         # One scan that jumps tells nothing, nor does any alone where both cars may stand for long;
         # with a host speed, which knows a car that stands, waiting for a second one would only be
@@ -150,6 +158,18 @@ def catches_up(radar, settings):
         return False
     doubt = velocity.limit + UNSEEN_LEAD * lost_for
     return abs(velocity.residual - radar.unsaid) <= doubt
+
+
+@inner
+def _may_be_unseen(radar):
+    """Whether a relative velocity repeats itself for no longer than a radar goes on without its
+    target, and the clearance goes just as that says, as if it were made of it."""
+    lasts = radar.velocity.last_at - radar.held_since
+    if radar.leapt_to_zero or lasts > UNSEEN_MOST + ONE_SCAN * radar.period:
+        return False
+    rounded = ROUNDED * resolution_of(radar.clearance.roughness)
+    wavers = STAMPS_WAVER * abs(radar.measured_velocity.value)
+    return radar.most_off - radar.least_off <= rounded + wavers
 
 
 @inner
@@ -204,6 +224,7 @@ def begin_to_hold(radar):
     noise = deviation(radar.clearance.noise)
     radar.beside_when_held = radar.beside - max(-noise, min(noise, radar.beside))
     radar.expected_off = radar.off_while_held = radar.off_by_last = radar.most_at_once = 0.0
+    radar.least_off, radar.most_off = np.inf, -np.inf
     start_ring(radar.off_lately, AT_ONCE)
     append(radar.off_lately, 0.0)
 
@@ -243,6 +264,8 @@ def is_stuck(radar, settings, signal, of_clearance, changed):
     if stand_both(radar) or (of_clearance and not radar.host_moves):
         return False
     if not of_clearance:
+        if _may_be_unseen(radar):
+            return False
         if _has_left(radar, settings) and velocity_seems_held(radar):
             return True
         if _may_both_stand(radar):

@@ -90,6 +90,8 @@ RADAR = np.dtype(
         ("off_lately", RING),
         ("most_at_once", "f8"),
         ("off_by_last", "f8"),
+        ("least_off", "f8"),
+        ("most_off", "f8"),
         ("beside", "f8"),
         ("beside_when_held", "f8"),
         ("track_when_held", LEAD_TRACK),
@@ -116,7 +118,8 @@ track as it was at `before_at` (s), when the last scan was not yet taken. While 
 radar says that it sees no lead; `followed`: scans that it was seen in, less what was lost of it.
 
 `most_at_once` (m) is by how much the clearance left the path of a relative velocity that repeats
-itself within a few scans, `off_lately` how far it was off in them; `unsaid` (m/s) is by how much
+itself within a few scans, `off_lately` how far it was off in them, `least_off` and `most_off` (m)
+where it lay beside it; `unsaid` (m/s) is by how much
 host and lead should have changed one that repeated itself for `unsaid_for` s until `sees_again_at`
 (s). `beside` (m) is what the clearance lately lay beside the track. `shifted_at` (s) is when it
 last went over to another part of the car behind a faulty relative velocity; `agreed_clearance` (m)
