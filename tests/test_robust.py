@@ -1589,6 +1589,14 @@ def test_a_lead_that_is_not_seen_while_it_changes_its_speed_is_no_held_radar(
     assert car.faults_since(start) == {"relative_velocity", "radar"}
 
 
+def test_without_a_clearance_nothing_says_that_the_lead_is_not_seen(car: Car) -> None:
+    car.lead_acceleration = 2.0
+    car.drive(1.0)
+    start = car.number
+    car.drive(0.48, relative_velocity_is=car.seen[1], clearance_is=nan)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+
+
 @pytest.mark.parametrize(
     ("braking", "seconds", "faulty"),
     [

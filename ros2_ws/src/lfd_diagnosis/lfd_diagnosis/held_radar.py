@@ -169,7 +169,8 @@ def _may_be_unseen(radar):
         return False
     rounded = ROUNDED * resolution_of(radar.clearance.roughness)
     wavers = STAMPS_WAVER * abs(radar.measured_velocity.value)
-    return radar.most_off - radar.least_off <= rounded + wavers
+    # Without a clearance nothing says so.
+    return 0.0 <= radar.most_off - radar.least_off <= rounded + wavers
 
 
 @inner
@@ -319,6 +320,7 @@ def should_have_changed(radar, settings, signal, of_clearance):
     if _repeats_itself(radar):
         return True
     if of_clearance:
+        # Where both say the same, they are told together.
         longer = 1.0 if is_held(radar.velocity) else times_too_long(clearance.repetition)
         moved = max(
             max(HELD_PATH, HELD_SIGMA * deviation(clearance.noise)) / longer,

@@ -119,11 +119,11 @@ radar says that it sees no lead; `followed`: scans that it was seen in, less wha
 
 `most_at_once` (m) is by how much the clearance left the path of a relative velocity that repeats
 itself within a few scans, `off_lately` how far it was off in them, `least_off` and `most_off` (m)
-where it lay beside it; `unsaid` (m/s) is by how much
-host and lead should have changed one that repeated itself for `unsaid_for` s until `sees_again_at`
-(s). `beside` (m) is what the clearance lately lay beside the track. `shifted_at` (s) is when it
-last went over to another part of the car behind a faulty relative velocity; `agreed_clearance` (m)
-is what was measured when that began to agree again, `agreed_path` (m) the path that it makes since.
+where it lay beside it; `unsaid` (m/s) is by how much host and lead should have changed one that
+repeated itself for `unsaid_for` s until `sees_again_at` (s). `beside` (m) is what the clearance
+lately lay beside the track. `shifted_at` (s) is when it last went over to another part of the car
+behind a faulty relative velocity; `agreed_clearance` (m) is what was measured when that began to
+agree again, `agreed_path` (m) the path that it makes since.
 """
 
 
