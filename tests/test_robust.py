@@ -1910,15 +1910,35 @@ def test_cars_that_follow_one_another_under_one_id_are_no_fault(car: Car) -> Non
     assert car.drive(0.5).report.clearance.state == State.OK
 
 
-@pytest.mark.parametrize(("jump", "faults"), [(5.0, {"clearance", "radar"}), (8.0, set())])
-def test_another_car_some_missed_scans_later_is_no_fault(car: Car, jump, faults) -> None:
+@pytest.mark.parametrize(
+    ("jump", "slower", "faults"),
+    [
+        (5.0, 0.0, {"clearance", "radar"}),
+        (5.0, 0.2, {"clearance", "radar"}),
+        (5.0, 0.6, set()),
+        (2.9, 0.6, {"clearance", "radar"}),
+        (8.0, 0.0, set()),
+    ],
+)
+def test_another_car_some_missed_scans_later_is_no_fault(car: Car, jump, slower, faults) -> None:
+    """It is known as such by its relative velocity, too, where that differs."""
     start = car.number
     car.radar_silent = True
     car.drive(0.15)
     car.radar_silent = False
     car.clearance += jump
-    car.drive(1.0)
+    car.velocity -= slower
+    car.drive(0.4)
     assert car.faults_since(start) == faults
+
+
+def test_a_fault_of_both_signals_some_missed_scans_later_is_one(car: Car) -> None:
+    start = car.number
+    car.radar_silent = True
+    car.drive(0.15)
+    car.radar_silent = False
+    car.drive(0.4, clearance=4.0, relative_velocity=-10.0)
+    assert car.faults_since(start) == {"clearance", "relative_velocity", "radar"}
 
 
 @pytest.mark.parametrize(

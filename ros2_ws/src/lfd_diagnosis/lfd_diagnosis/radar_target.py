@@ -58,6 +58,10 @@ KNOWN_SCANS = 5
 LOST_AFTER = 1.0
 """Seconds of silence after which a target that disagrees is another one, not a fault."""
 
+MOVED_ON = 0.5
+"""Share of its limits by which a relative velocity differs where scans were missed and the
+clearance lies where no other part of the car does: then it is another car's."""
+
 
 @inner
 def keeps_target(radar, settings, now):
@@ -153,10 +157,16 @@ def _follow_period(radar, gap):
 
 
 @inner
-def _is_far_away(radar):
-    """Whether what is seen is too far from a healthy track to be its target."""
+def _is_elsewhere(radar, settings):
+    """Whether what is seen, after missed scans, cannot be a healthy track's target: it is too far
+    off, or off in both signals, as little as neither would say so alone."""
+    if is_radar_faulty(radar):
+        return False
+    limits = limits_about(radar, settings)
     off = clearance_now(radar) - radar.track.clearance
-    return not is_radar_faulty(radar) and is_far(off)
+    off_velocity = abs(radar.measured_velocity.value - radar.track.velocity)
+    farther = abs(off) > max(limits[0], settings.largest_shift)
+    return is_far(off) or (farther and MOVED_ON * limits[1] < off_velocity <= limits[1])
 
 
 @inner
@@ -183,7 +193,7 @@ def is_another(radar, settings, track_id):
     gap = at - max(radar.clearance.last_at, radar.velocity.last_at)
     has_missed = gap > MISSED * radar.period
     _follow_period(radar, gap)
-    silent = gap > LOST_AFTER or (has_missed and _is_far_away(radar))
+    silent = gap > LOST_AFTER or (has_missed and _is_elsewhere(radar, settings))
     changed = _has_another_id(radar, track_id)
     goes_on = not (changed or silent)
     if goes_on and at - radar.clearance.last_at > LARGEST_GAP:
@@ -265,7 +275,7 @@ def _recall(radar, settings, track_id, at):
             mean, jerk = settings.lead_acceleration_mean, settings.jerk_density
             predict_track(radar.track, since, radar.host, 1.0, mean, jerk)
         slot.at = -np.inf
-        given_away = since > MISSED * radar.period and _is_far_away(radar)
+        given_away = since > MISSED * radar.period and _is_elsewhere(radar, settings)
         vague = slot.scans < KNOWN_SCANS and not _agrees(radar, settings)
         if given_away or vague:
             return False
