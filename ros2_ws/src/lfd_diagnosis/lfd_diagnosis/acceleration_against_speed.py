@@ -34,6 +34,7 @@ from lfd_diagnosis.healthy_signal import (
     is_full,
     is_rough,
     learn_noise,
+    share_of,
 )
 from lfd_diagnosis.host_speed import (
     JERK_FILTER,
@@ -107,6 +108,9 @@ BACK, BACK_STEPS = 0.65, 5
 UNDER_JUMP, LARGEST_RATE, LARGEST_SLOPE = 1.0, 0.5, 1.5
 """Time constant in s with which the slope is followed under a jump, and by how many m/s^3 and m/s^2
 at most."""
+
+FELT_SHARE = share_of(0.15)
+"""Share by which the mean follows of what a faulty one is off by."""
 
 THERE = 0.75
 """Share of a jump by which a sample may be off if it is still the jump that is seen in it."""
@@ -325,6 +329,7 @@ def _follow_baseline(monitor, off):
 def _still_off(monitor, settings, off):
     """A faulty signal against what the difference was before the fault."""
     residual = off - monitor.reference
+    monitor.felt = off if isnan(monitor.felt) else monitor.felt + FELT_SHARE * (off - monitor.felt)
     monitor.off += 3.0 * STEP_S * (residual - monitor.off)
     monitor.settled += 1
     estimate_size(monitor, residual)
@@ -345,6 +350,14 @@ def _still_off(monitor, settings, off):
         monitor.reference = monitor.slope_before
     left = 0.0 if monitor.settling else residual
     set_check(monitor.check, Ground.HOST_SPEED, left, limit, monitor.kind, np.nan)
+
+
+@inner
+def slope_after(monitor, settings):
+    """The slope (m/s^2) when a jump has been undone: what was followed under it, as far as what is
+    felt by then does not differ."""
+    doubt = allowance_of(monitor, settings) - _shaken_by(monitor, settings)
+    return max(monitor.felt - doubt, min(monitor.felt + doubt, monitor.reference))
 
 
 @inner

@@ -22,6 +22,7 @@ from lfd_diagnosis.acceleration_against_speed import (
     against_speed,
     allowance_of,
     doubt_slope,
+    slope_after,
     speed_may_be_wrong,
 )
 from lfd_diagnosis.acceleration_jump import is_measured, restart_jump
@@ -401,9 +402,12 @@ def _requalify(monitor, settings, disagrees):
         return
     monitor.agreeing += STEP_S
     if monitor.agreeing >= settings.clear_time:
-        if not isnan(monitor.reference):
+        seen = monitor.check.ground == Ground.HOST_SPEED
+        drifted = seen and monitor.kind == Kind.RAMP
+        if seen and monitor.kind == Kind.OFFSET:
+            monitor.slope = slope_after(monitor, settings)
+        elif not isnan(monitor.reference):
             monitor.slope += monitor.reference - monitor.slope_before
-        drifted = monitor.kind == Kind.RAMP and monitor.check.ground == Ground.HOST_SPEED
         left = monitor.check.residual
         forgive_acceleration(monitor)
         if drifted:

@@ -130,6 +130,7 @@ ACCELERATION = np.dtype(
         ("slope_before", "f8"),
         ("lead_reference", "f8"),
         ("off", "f8"),
+        ("felt", "f8"),
         ("size", "f8"),
         ("size_std", "f8"),
         ("settled", "i8"),
@@ -145,7 +146,8 @@ ACCELERATION = np.dtype(
 `braked` how hard it lately braked, and `jolt` the same while that may have ended at once.
 
 `taken` (m/s^2): the newest sample that was taken; while newer ones leap from it, since `leapt_at`
-(s), they are `doubted`. `before`, `relative_before` (m/s^2): the samples and `relative_slow` as a
+(s), they are `doubted`. `felt` (m/s^2): the mean of what a faulty one and the speed differ by.
+`before`, `relative_before` (m/s^2): the samples and `relative_slow` as a
 jump without host speed began. `shaking` (m/s^2): the deviation of single samples just now, by the
 `newest` ones.
 """
@@ -218,7 +220,7 @@ def forgive_acceleration(monitor):
     monitor.exceeded_for = 0
     monitor.reference = monitor.lead_reference = monitor.slope_before = np.nan
     monitor.corrected, monitor.faded_for = False, 0
-    monitor.size = monitor.size_std = monitor.off = np.nan
+    monitor.size = monitor.size_std = monitor.off = monitor.felt = np.nan
     monitor.settled = 0
     forget_baseline(monitor)
     # The way back is no noise.
