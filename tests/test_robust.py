@@ -2188,6 +2188,28 @@ def test_a_slope_that_changes_under_a_jump_is_followed(car: Car, offset) -> None
     assert not car.faults_since(end)
 
 
+@pytest.mark.parametrize("offset", [4.0, -2.0])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_what_the_difference_was_as_a_jump_began_is_not_the_slope_after_it(
+    offset: float, way: float
+) -> None:
+    """It passes by under the jump, and comes again before the next one."""
+    car = Car()
+    car.speed = 30.0
+    car.drive(12.0)
+    comes = [0.005 * k for k in range(180)]
+    for _ in range(5):
+        begin = car.number
+        for beside in [*comes, *[comes[-1]] * 60]:
+            outcome = car.step(acceleration=way * beside)
+        assert outcome.report.acceleration.state == State.OK
+        assert not car.faults_since(begin)
+        for beside in [*comes[::-1], *[0.0] * 500]:
+            car.step(acceleration=offset + way * beside)
+        assert car.faults_since(begin) == {"acceleration"}
+        assert car.drive(1.0).report.acceleration.state == State.OK
+
+
 @pytest.mark.parametrize("then", [8.0, -3.0])
 def test_a_jump_that_becomes_another_is_not_taken_for_the_road(car: Car, then) -> None:
     car.drive(4.0, acceleration=4.0)

@@ -109,7 +109,7 @@ UNDER_JUMP, LARGEST_RATE, LARGEST_SLOPE = 1.0, 0.5, 1.5
 """Time constant in s with which the slope is followed under a jump, and by how many m/s^3 and m/s^2
 at most."""
 
-FELT_SHARE = share_of(0.15)
+FELT_SHARE = share_of(0.05)
 """Share by which the mean follows of what a faulty one is off by."""
 
 THERE = 0.75

@@ -408,6 +408,9 @@ def _requalify(monitor, settings, disagrees):
             monitor.slope = slope_after(monitor, settings)
         elif not isnan(monitor.reference):
             monitor.slope += monitor.reference - monitor.slope_before
+        if not seen:
+            # What the slope is by now nobody has seen.
+            monitor.slope_known = min(monitor.slope_known, STILL_KNOWN)
         left = monitor.check.residual
         forgive_acceleration(monitor)
         if drifted:
