@@ -340,9 +340,9 @@ def _still_off(monitor, settings, off):
     step = (off - monitor.baseline) * (1.0 if monitor.off > 0 else -1.0)
     back = step < -BACK * abs(monitor.off) and abs(monitor.off) > LEAST
     monitor.back_for = monitor.back_for + 1 if back else 0
-    if monitor.back_for >= BACK_STEPS:
-        # What made the fault was undone; how the slope has changed meanwhile nobody knows.
-        monitor.settling = True
+    if monitor.back_for >= BACK_STEPS and not monitor.settling:
+        # What made the fault was undone; how the slope has changed meanwhile is felt in a moment.
+        monitor.settling, monitor.undone = True, monitor.baseline - monitor.size
     faded = abs(off - monitor.slope_before) < min(abs(residual), LEAST)
     monitor.faded_for = monitor.faded_for + 1 if faded else 0
     if monitor.faded_for >= FADED_STEPS:
@@ -355,9 +355,14 @@ def _still_off(monitor, settings, off):
 @inner
 def slope_after(monitor, settings):
     """The slope (m/s^2) when a jump has been undone: what was followed under it, as far as what is
-    felt by then does not differ."""
-    doubt = allowance_of(monitor, settings) - _shaken_by(monitor, settings)
-    return max(monitor.felt - doubt, min(monitor.felt + doubt, monitor.reference))
+    felt by then does not differ; that is none where another jump undid more than the jump, or
+    less."""
+    felt, allowance = monitor.felt, allowance_of(monitor, settings)
+    off = abs(felt - monitor.undone)
+    if monitor.settling and off > settings.acceleration_limit + allowance:
+        return monitor.reference
+    doubt = allowance - _shaken_by(monitor, settings)
+    return max(felt - doubt, min(felt + doubt, monitor.reference))
 
 
 @inner
