@@ -1928,7 +1928,7 @@ def test_another_car_some_missed_scans_later_is_no_fault(car: Car, jump, slower,
     car.radar_silent = False
     car.clearance += jump
     car.velocity -= slower
-    car.drive(0.4)
+    car.drive(1.0)
     assert car.faults_since(start) == faults
 
 
@@ -2208,6 +2208,19 @@ def test_what_the_difference_was_as_a_jump_began_is_not_the_slope_after_it(
             car.step(acceleration=offset + way * beside)
         assert car.faults_since(begin) == {"acceleration"}
         assert car.drive(1.0).report.acceleration.state == State.OK
+
+
+@pytest.mark.parametrize("slope", [1.35, -1.35])
+def test_a_slope_that_nobody_saw_change_under_a_jump_is_no_fault(car: Car, slope: float) -> None:
+    car.drive(2.0, acceleration=4.0)
+    car.host_speed = False
+    for k in range(300):
+        car.step(acceleration=4.0 + slope * min(k / 250, 1.0))
+    while car.outcomes[-1].report.acceleration.state == State.FAULT:
+        car.step(acceleration=slope)
+    over, car.host_speed = car.number, True
+    car.drive(3.0, acceleration=slope)
+    assert not car.faults_since(over)
 
 
 @pytest.mark.parametrize("then", [8.0, -3.0])

@@ -250,9 +250,15 @@ def _shaken_by(monitor, settings):
 @inner
 def allowance_of(monitor, settings):
     """By how many m/s^2 a jerk or a shaking widens the limits."""
+    return min(_jerk_allowance(monitor, settings) + _shaken_by(monitor, settings), MOST_ALLOWANCE)
+
+
+@inner
+def _jerk_allowance(monitor, settings):
+    """By how many m/s^2 a jerk widens the limits."""
     jerk = max(abs(jerk_of(monitor.speed)), monitor.speed.largest_jerk - SHARP_JERK)
     seldom = seldom_heard(monitor.speed)
-    allowance = (settings.jerk_allowance + seldom) * jerk + _shaken_by(monitor, settings)
+    allowance = (settings.jerk_allowance + seldom) * jerk
     # A sharp manoeuvre shows every lag that is not known; the accelerometer feels it first.
     doubt = LAG_DOUBT * (LAG_PRIOR + LITTLE_JERK) / (monitor.lag_square + LITTLE_JERK)
     allowance += doubt * max(jerk - CALM_JERK, 0.0)
@@ -261,7 +267,7 @@ def allowance_of(monitor, settings):
         own = jerk_between(monitor.filtered, monitor.slow_filtered)
         ahead = min(lag * max(abs(own) - CALM_JERK, 0.0), LAG_MOST)
         allowance += max(ahead, seldom * abs(own))
-    return min(allowance, MOST_ALLOWANCE)
+    return allowance
 
 
 @inner
@@ -357,11 +363,11 @@ def slope_after(monitor, settings):
     """The slope (m/s^2) when a jump has been undone: what was followed under it, as far as what is
     felt by then does not differ; that is none where another jump undid more than the jump, or
     less."""
-    felt, allowance = monitor.felt, allowance_of(monitor, settings)
-    off = abs(felt - monitor.undone)
-    if monitor.settling and off > settings.acceleration_limit + allowance:
+    felt = monitor.felt
+    limit = settings.acceleration_limit + allowance_of(monitor, settings)
+    if monitor.settling and abs(felt - monitor.undone) > limit:
         return monitor.reference
-    doubt = allowance - _shaken_by(monitor, settings)
+    doubt = _jerk_allowance(monitor, settings)
     return max(felt - doubt, min(felt + doubt, monitor.reference))
 
 
