@@ -171,6 +171,7 @@ def judge_in_traffic(judge: Judge) -> None:
         judge.share(f"{signal} found, whatever the target", found, 0.99, needed=False)
     right = [not w["blamed"] for w in judge.windows]
     judge.share("no healthy signal blamed, whatever the target", right, 0.98, needed=False)
+    judge.no_false_events()
     judge.windows = [w for w in judge.windows if w["one_target"]]
     for signal in judge.signals():
         delays = judge.found(signal, 0.99)
@@ -185,6 +186,7 @@ def judge_kind_in_traffic(judge: Judge, as_elsewhere: Callable[[Judge], None]) -
     a figure of the blame wherever they do not."""
     right = [not w["blamed"] for w in judge.windows]
     judge.share("no healthy signal blamed, whatever the target", right, 0.98, needed=False)
+    judge.no_false_events()
     judge.windows = [w for w in judge.windows if w["one_target"]]
     as_elsewhere(judge)
     _over(judge)
