@@ -255,15 +255,23 @@ def run_windows(run: Run, recorded: Path | None) -> dict[str, dict]:
 
 
 def _false_events(view: Seen, faults: list[Fault]) -> dict[str, list[float]]:
-    """Beginnings of flags outside of all faults and the second after them, by signal, in s."""
-    near = np.zeros(len(view.times), dtype=bool)
-    for fault in faults:
-        near |= (view.times >= fault.start * 1e-9) & (view.times < fault.end * 1e-9 + 1.0)
+    """Beginnings of flags outside of all faults and what follows them, by signal, in s.
+
+    What follows a fault: the second after it, and all until the signal is judged healthy. A flag
+    that silence interrupts, and that goes on as the sensor is back, does not begin there.
+    """
+    times = view.times
     begins = {}
     for name in WATCHED:
         flags = view.flags[name]
+        healthy = view.ready[name] & ~view.silent[name] & ~flags
+        near = np.zeros(len(times), dtype=bool)
+        for fault in faults:
+            start, end = fault.start * 1e-9, fault.end * 1e-9
+            over = first(times, healthy & (times >= end))
+            near |= (times >= start) & (times < max(end + 1.0, over or np.inf))
         begin = flags & ~np.append(False, flags[:-1]) & ~near
-        begins[name] = view.times[begin].round(3).tolist()
+        begins[name] = times[begin].round(3).tolist()
     return begins
 
 
