@@ -157,6 +157,17 @@ def follow_acceleration(monitor, settings, horizon):
 
 
 @inner
+def coast_acceleration(monitor):
+    """One step in which nothing is heard of the host at all: neither that nor its speed says
+    anything, and how its road goes on is seen by nobody."""
+    lose_speed(monitor.speed)
+    lose_samples(monitor)
+    monitor.acceleration *= LEAD_KEEP
+    _follow_braking(monitor, np.nan)
+    _judge_nothing(monitor, STILL_KNOWN)
+
+
+@inner
 def _follow_braking(monitor, value):
     """How hard the host lately braked, and whether that may have ended at once; the newest sample
     in m/s^2, NaN if there is none."""
@@ -255,12 +266,7 @@ def judge_acceleration(
     """Judge the step; m/s^2 and m/s of the lead, NaN where the radar tells nothing."""
     check, speed = monitor.check, monitor.speed
     if horizon.acceleration_stale:
-        monitor.confidence, monitor.corrected = 0, False
-        check.ground = Ground.NONE
-        restart_jump(monitor.jump)
-        start_bend(monitor.bend)
-        if not monitor.faulty:
-            doubt_slope(monitor, KNOWN_AFTER_SILENCE)
+        _judge_nothing(monitor, KNOWN_AFTER_SILENCE)
         return
     monitor.ticks += 1
     rests = is_resting(relative_velocity)
@@ -314,6 +320,17 @@ def judge_acceleration(
         and not (check.ground == Ground.HOST_SPEED and speed_may_be_wrong(monitor, settings))
     ):
         _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
+
+
+@inner
+def _judge_nothing(monitor, worth):
+    """There is nothing to judge, and the slope still `worth` so many seconds of learning."""
+    monitor.confidence, monitor.corrected = 0, False
+    monitor.check.ground = Ground.NONE
+    restart_jump(monitor.jump)
+    start_bend(monitor.bend)
+    if not monitor.faulty:
+        doubt_slope(monitor, worth)
 
 
 @inner

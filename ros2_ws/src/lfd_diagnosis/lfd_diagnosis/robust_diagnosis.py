@@ -5,6 +5,7 @@ from math import isnan
 import numpy as np
 
 from lfd_diagnosis.acceleration_monitor import (
+    coast_acceleration,
     expected_acceleration,
     expected_std,
     follow_acceleration,
@@ -44,8 +45,9 @@ from lfd_mpc.settings import STEP_NS
 INDEX_LIMIT = 0.5
 """Where a residual equals its limit, the index is one half."""
 
-LARGEST_GAP = 30
-"""Horizons that may be lost on the way before everything starts anew."""
+LARGEST_GAP, LONGEST_GAP = 30, 600
+"""Horizons that may be lost on the way as if nothing was, and steps that may be missing before
+everything starts anew: up to then it is the same car on the same road, of which nothing was heard."""
 
 BAD_SPEEDS = 2
 """Samples in a row after which a host speed that jumped is faulty."""
@@ -126,20 +128,24 @@ def start_robust(state, settings):
 
 @inner
 def _follow_time(state, settings, horizon):
-    """Start anew where time does (true then); a new lead alone is the radar's business."""
+    """Coast through steps that are missing, and start anew where time does (true then)."""
+    radar, host = state.radar, state.acceleration
     steps = (horizon.stamp - state.last_stamp) // STEP_NS if state.begun else 0
     had_begun = state.begun
     state.last_stamp, state.begun = horizon.stamp, True
-    new_lead = horizon.restart and steps == 1
-    if had_begun and 1 <= steps <= LARGEST_GAP and (not horizon.restart or new_lead):
-        for _ in range(steps - 1):
-            host = state.acceleration
-            coast_radar(state.radar, settings, host.acceleration, host.jolt)
-        return False
-    restart_radar(state.radar, settings)
-    restart_acceleration(state.acceleration)
-    restart_lead(state.lead)
-    return had_begun or horizon.restart
+    if not (had_begun and 1 <= steps <= LONGEST_GAP):
+        restart_radar(radar, settings)
+        restart_acceleration(host)
+        restart_lead(state.lead)
+        return had_begun or horizon.restart
+    silent = steps > LARGEST_GAP
+    for _ in range(steps - 1):
+        if silent:
+            coast_acceleration(host)
+        coast_radar(radar, settings, host.acceleration, host.jolt)
+    # Stamps may as well have jumped: where the lead is not where it would be, it is another one.
+    radar.unseen = radar.unseen or silent
+    return False
 
 
 @inner
