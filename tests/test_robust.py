@@ -111,6 +111,11 @@ class Car:
             outcome = self.step(**faults)
         return outcome
 
+    def go_unheard(self, seconds: float) -> None:
+        """Drive on while no input arrives at all, so that there are no steps."""
+        self.number += round(seconds * 100)
+        self.clearance += seconds * self.velocity
+
     def drive_off(self, seconds: float) -> None:
         """From rest, accelerating by up to 1.5 m/s^2."""
         for k in range(round(seconds * 100)):
@@ -1856,10 +1861,66 @@ def test_an_accelerometer_that_wakes_up_late_is_healthy_from_then_on(value: floa
 def test_after_a_restart_the_road_may_have_another_slope(car: Car) -> None:
     car.drive(10.0, acceleration=0.8)
     car.drive(20.0, acceleration=1.6)
-    car.number += 1000
+    car.go_unheard(10.0)
     start = len(car.outcomes)
     report = car.drive(5.0, acceleration=-1.4).report
     assert report.acceleration.state == State.OK
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize("gap", [0.35, 1.5, 5.5])
+@pytest.mark.parametrize(
+    ("fault", "names"),
+    [
+        ({"acceleration": 4.0}, {"acceleration"}),
+        ({"clearance": 4.0, "relative_velocity": -10.0}, {"clearance", "relative_velocity"}),
+    ],
+)
+def test_a_fault_goes_on_through_a_gap_of_all_inputs_and_its_end_is_no_other_one(
+    car: Car, gap: float, fault: dict, names: set
+) -> None:
+    start = len(car.outcomes)
+    car.drive(3.0, **fault)
+    car.go_unheard(gap)
+    car.drive(1.0, **fault)
+    report = car.outcomes[-1].report
+    assert {
+        n
+        for n in ("clearance", "relative_velocity", "acceleration", "host_speed")
+        if getattr(report, n).state == State.FAULT
+    } == names
+    report = car.drive(4.0).report
+    for name in names:
+        assert getattr(report, name).state == State.OK
+    events = [e for o in car.outcomes[start:] for e in o.events if e.fault.state == State.FAULT]
+    assert sorted(e.signal for e in events if e.signal != "radar") == sorted(names)
+
+
+@pytest.mark.parametrize("gap", [0.35, 2.0, 5.5])
+def test_what_ended_in_a_gap_of_all_inputs_is_over(car: Car, gap: float) -> None:
+    car.drive(3.0, acceleration=4.0)
+    car.go_unheard(gap)
+    start = len(car.outcomes)
+    report = car.drive(2.0).report
+    assert report.acceleration.state == report.clearance.state == State.OK
+    car.drive(5.0)
+    later = [o.report.acceleration.state for o in car.outcomes[start + 200 :]]
+    assert set(later) == {State.OK}
+
+
+@pytest.mark.parametrize("elsewhere", [0.0, 1.6, -3.0, 30.0])
+@pytest.mark.parametrize("gap", [0.35, 2.0])
+def test_another_lead_and_another_slope_after_a_gap_of_all_inputs_are_no_fault(
+    car: Car, gap: float, elsewhere: float
+) -> None:
+    """Nor is a clock that was set, as which the gap may be none."""
+    start = len(car.outcomes)
+    car.go_unheard(gap)
+    car.clearance += elsewhere
+    assert not car.outcomes[-1].events
+    report = car.drive(1.0, acceleration=1.0).report
+    assert {report.clearance.state, report.relative_velocity.state} == {State.OK}
+    car.drive(5.0, acceleration=1.0)
     assert not car.faults_since(start)
 
 

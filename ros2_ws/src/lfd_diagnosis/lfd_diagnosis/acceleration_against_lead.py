@@ -31,7 +31,7 @@ from lfd_diagnosis.healthy_signal import (
     share_of,
     start_ring,
 )
-from lfd_diagnosis.host_speed import came_to_rest
+from lfd_diagnosis.host_speed import came_to_rest, is_settling
 from lfd_diagnosis.lead_report import is_trusted
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
@@ -116,7 +116,7 @@ def follow_lead(monitor, relative_acceleration):
     monitor.relative_now = now
     monitor.relative_slow += RELATIVE_SHARE * (now - monitor.relative_slow)
     monitor.lead = monitor.filtered + now
-    if not monitor.confidence and not monitor.jumped_for:
+    if not (monitor.confidence or monitor.jumped_for or monitor.faulty):
         append(monitor.lead_recent, monitor.lead)
         if isnan(monitor.lead_slow):
             monitor.lead_slow = monitor.lead
@@ -284,9 +284,13 @@ def _against_observers(monitor, settings, relative_velocity):
 def _still_off_lead(monitor, settings, lead_report):
     """A faulty signal against the lead, who goes back to driving as most do."""
     trusted = is_trusted(lead_report, settings)
+    mean = settings.lead_acceleration_mean
     if isnan(monitor.lead_reference):
         monitor.lead_reference = monitor.lead_slow
-    mean = settings.lead_acceleration_mean
+    waits_for_speed = settings.use_host_speed and is_settling(monitor.speed)
+    if isnan(monitor.lead_reference) and not waits_for_speed:
+        # After a silence nothing is known of how the lead drove before.
+        monitor.lead_reference = mean
     monitor.lead_reference += STEP_S / LEAD_MEMORY * (mean - monitor.lead_reference)
     if trusted:
         monitor.lead_reference = lead_report.acceleration

@@ -187,6 +187,12 @@ def _stop_following(speed):
 
 
 @inner
+def is_settling(speed):
+    """Whether its derivative will be evidence in a moment."""
+    return not (isnan(speed.last) or speed.faulty)
+
+
+@inner
 def is_usable(speed, settings):
     """Whether its derivative is evidence now."""
     return speed.followed >= SETTLING * settings.host_speed_filter_time
