@@ -1,14 +1,18 @@
-"""Where the recorded drives are, and a word when they are not there."""
+"""What tests share: the recorded drives, a browser, and cars for the robust profile."""
 
 import os
 import shutil
 import tempfile
 from collections.abc import Iterator
+from copy import copy, deepcopy
 from pathlib import Path
 
 import pytest
+from robust_car import Car
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
+
+from lfd_diagnosis.verdict import State
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
@@ -53,3 +57,36 @@ def browser() -> Iterator[webdriver.Chrome]:
         chrome = webdriver.Chrome(options=options, service=Service(driver))
         yield chrome
         chrome.quit()
+
+
+@pytest.fixture(scope="module")
+def ready_car() -> Car:
+    made = Car()
+    report = made.drive(12.0).report
+    assert {report.clearance.state, report.radar.state, report.acceleration.state} == {State.OK}
+    assert report.host_speed.state == State.OK
+    assert not made.faults_since(0)
+    return made
+
+
+@pytest.fixture
+def car(ready_car: Car) -> Car:
+    """A car of each test's own that has driven for 12 s."""
+    made = copy(ready_car)
+    made.outcomes = list(made.outcomes)
+    made.diagnosis, made.bank, made.random = deepcopy((made.diagnosis, made.bank, made.random))
+    return made
+
+
+@pytest.fixture
+def standing(car: Car) -> Car:
+    """The car has come to rest, and its wheels say so."""
+    start, braking = car.number, 0.0
+    while car.speed > 0.02:
+        braking = max(braking - 0.02, -2.0)
+        car.speed += 0.01 * braking
+        car.step(acceleration=braking)
+    car.speed = 0.0
+    car.drive(3.0, host_speed_is=0.0)
+    assert not car.faults_since(start)
+    return car

@@ -47,7 +47,7 @@ INDEX_LIMIT = 0.5
 
 LARGEST_GAP, LONGEST_GAP = 30, 600
 """Horizons that may be lost on the way as if nothing was, and steps that may be missing before
-everything starts anew: up to then it is the same car on the same road, of which nothing is heard."""
+everything starts anew: up to then it is the same car on the same road, and nothing is heard."""
 
 BAD_SPEEDS = 2
 """Samples in a row after which a host speed that jumped is faulty."""

@@ -1,0 +1,115 @@
+"""A car for the tests of the robust profile, without ROS."""
+
+from math import isnan, nan
+
+import numpy as np
+from test_observer import make_horizon
+
+from lfd_diagnosis.diagnosis import RobustDiagnosis
+from lfd_diagnosis.settings import DiagnosisSettings
+from lfd_diagnosis.verdict import Outcome, State
+from lfd_observer.bank import ObserverBank
+from lfd_observer.settings import BankSettings
+
+SCAN = 5
+
+
+"""Steps between two scans."""
+
+
+class Car:
+    """A car behind a lead: radar at 20 Hz, everything else at 100 Hz, a little noise on all."""
+
+    def __init__(self, host_speed: bool = True, lead: bool = False, **settings) -> None:
+        self.diagnosis = RobustDiagnosis(DiagnosisSettings(**settings))
+        self.bank = ObserverBank(BankSettings())
+        self.random = np.random.default_rng(1)
+        self.number = 0
+        self.host_speed, self.lead = host_speed, lead
+        self.accelerometer_silent = self.radar_silent = False
+        self.clearance, self.velocity, self.speed = 30.0, 0.0, 15.0
+        self.lead_acceleration = 0.0
+        self.track_id = 1
+        self.seen: tuple[float, float] = 30.0, 0.0
+        self.scanned = -1
+        self.outcomes: list[Outcome] = []
+
+    def step(self, **faults: float) -> Outcome:
+        """One step; `faults`: added to a signal, or `NAME_is` to put in its place."""
+        self.number += 1
+        self.velocity += 0.01 * self.lead_acceleration
+        self.clearance += 0.01 * self.velocity
+        noise = self.random.normal(size=5).tolist()
+        now = {
+            "clearance": self.clearance + 0.05 * noise[0],
+            "relative_velocity": self.velocity + 0.03 * noise[1],
+            "acceleration": 0.08 * noise[2],
+            "host_speed": self.speed + 0.01 * noise[3],
+            "lead_acceleration": self.lead_acceleration + 0.1 * noise[4],
+        }
+        for name in now:
+            now[name] = faults.get(f"{name}_is", now[name] + faults.get(name, 0.0))
+        if self.number % SCAN == 1 and not self.radar_silent:
+            self.seen, self.scanned = (now["clearance"], now["relative_velocity"]), self.number
+        age = 0.01 * (self.number - self.scanned)
+        clearance, velocity = self.seen
+        measured = {"measured_clearance": clearance, "measured_relative_velocity": velocity}
+        clearance = self.clearance if isnan(clearance) else clearance
+        velocity = self.velocity if isnan(velocity) else velocity
+        fields = {
+            **measured,
+            "clearance": clearance + velocity * age,
+            "velocity": velocity,
+            "clearance_age": age,
+            "relative_velocity_age": age,
+            "track_id": self.track_id,
+            "acceleration": now["acceleration"],
+            "measured_acceleration": now["acceleration"],
+            "acceleration_stale": self.accelerometer_silent,
+            "measured_host_speed": now["host_speed"] if self.host_speed else nan,
+            "host_speed_age": 0.0 if self.host_speed else nan,
+            "host_speed_stale": not self.host_speed,
+        }
+        if self.lead:
+            fields |= {
+                "measured_lead_acceleration": now["lead_acceleration"],
+                "lead_acceleration_age": 0.05,
+                "lead_acceleration_stale": False,
+            }
+        horizon = make_horizon(self.number, **fields)
+        self.outcomes.append(self.diagnosis.step(horizon, self.bank.step(horizon)))
+        return self.outcomes[-1]
+
+    def drive(self, seconds: float, **faults: float) -> Outcome:
+        """Many steps alike; returns the last outcome."""
+        for _ in range(round(seconds * 100)):
+            outcome = self.step(**faults)
+        return outcome
+
+    def go_unheard(self, seconds: float) -> None:
+        """Drive on while no input arrives at all, so that there are no steps."""
+        self.number += round(seconds * 100)
+        self.clearance += seconds * self.velocity
+
+    def drive_off(self, seconds: float) -> None:
+        """From rest, accelerating by up to 1.5 m/s^2."""
+        for k in range(round(seconds * 100)):
+            acceleration = min(0.02 * (k + 1), 1.5)
+            self.speed += 0.01 * acceleration
+            self.step(acceleration=acceleration)
+
+    def faults_since(self, number: int) -> set[str]:
+        """Names of everything that was called faulty after that many steps."""
+        return {
+            event.signal
+            for outcome in self.outcomes[number:]
+            for event in outcome.events
+            if event.fault.state == State.FAULT
+        }
+
+    def delay(self, name: str, since: int) -> float:
+        """Seconds from a step to the first verdict of FAULT."""
+        for k, outcome in enumerate(self.outcomes[since:]):
+            if getattr(outcome.report, name).state == State.FAULT:
+                return 0.01 * k
+        raise AssertionError(f"{name} was never faulty")

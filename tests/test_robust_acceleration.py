@@ -1,0 +1,464 @@
+"""The robust profile's accelerometer without ROS: jumps, slopes, bumps and brakes."""
+
+from math import hypot, inf, pi, sin
+from random import Random
+
+import numpy as np
+import pytest
+from robust_car import Car
+
+from lfd_diagnosis.verdict import Kind, State
+
+
+@pytest.mark.parametrize("highest", [7.0, 9.0, 9.9])
+def test_a_shaken_sensor_that_swings_back_by_more_than_it_swung_out_is_no_outlier(
+    car: Car, highest: float
+) -> None:
+    """What it swung out to is not what it says until it has been back for a moment."""
+    start = car.number
+    for _ in range(4):
+        for felt in (2.5, highest, 0.0, 0.0, 0.0):
+            car.step(acceleration=felt)
+        assert car.outcomes[-1].report.acceleration.state == State.OK
+        car.drive(1.0)
+    assert not car.faults_since(start)
+    assert "outliers" not in car.outcomes[-1].report.acceleration.reason
+
+
+SWINGS = [
+    # By host speed, a wheel being shaken: a swing is over before it counts.
+    (True, 0.5, 0.2, 0.2, set()),
+    (True, 0.5, 0.2, 0.5, {"acceleration"}),
+    (True, 0.1, 0.2, 0.2, {"acceleration"}),
+    # Without it: what swings is judged half a second later.
+    (False, 0.5, 0.0, 0.25, set()),
+    (False, 0.5, 0.0, 1.2, {"acceleration"}),
+    (False, 0.1, 0.0, 0.25, {"acceleration"}),
+]
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5, 6])
+@pytest.mark.parametrize(("host_speed", "noise", "shaken", "seconds", "faults"), SWINGS)
+def test_a_bump_swings_a_loosely_mounted_sensor_for_a_moment(
+    host_speed: bool, noise: float, shaken: float, seconds: float, faults: set, seed: int
+) -> None:
+    """As a phone on a windscreen, which the noise of all of its samples tells from one that is
+    bolted down: there it is a fault that ends soon."""
+    car, random = Car(host_speed), Random(seed)
+
+    def drive(seconds: float, off: float) -> None:
+        for k in range(round(seconds * 100)):
+            shake = shaken * (-1) ** k if off and k < 4 else 0.0
+            car.step(acceleration=off + random.gauss(0.0, noise), host_speed=shake)
+
+    drive(12.0, 0.0)
+    start = car.number
+    drive(seconds, -3.5)
+    drive(2.0, 0.0)
+    assert car.faults_since(start) == faults
+
+
+def test_a_slope_is_no_fault(car: Car) -> None:
+    start = car.number
+    for k in range(800):
+        car.step(acceleration=0.6 * min(k / 500, 1.0))
+    assert not car.faults_since(start)
+
+
+def bend(car: Car, slope: float, seconds: float) -> None:
+    """The road goes over to another slope, as the accelerometer feels it."""
+    steps = round(seconds * 100)
+    for k in range(steps):
+        car.step(acceleration=slope * (k + 1) / steps)
+    car.drive(2.0, acceleration=slope)
+
+
+@pytest.mark.parametrize(("slope", "seconds"), [(1.4, 0.8), (-1.6, 1.0), (2.3, 1.5)])
+def test_a_road_that_bends_is_no_fault(slope: float, seconds: float) -> None:
+    """As a town's streets do at a crossing."""
+    car = Car()
+    car.speed = 14.5
+    car.drive(8.0)
+    start = car.number
+    bend(car, slope, seconds)
+    assert not car.faults_since(start)
+    assert car.outcomes[-1].reconstruction.acceleration == pytest.approx(slope, abs=0.3)
+    jump = car.number
+    car.drive(0.4, acceleration=slope + 1.5)
+    assert car.faults_since(start) == {"acceleration"}
+    assert car.delay("acceleration", jump) <= 0.3
+
+
+@pytest.mark.parametrize(
+    ("slope", "seconds", "speed", "settings"),
+    [
+        (1.4, 0.01, 12.0, {}),
+        (1.4, 0.8, 15.5, {}),
+        (3.8, 1.5, 12.0, {}),
+        (1.4, 0.8, 12.0, {"steepest_road": 0.0}),
+        (0.5 * 5.0, 5.0, 12.0, {}),
+    ],
+    ids=["at once", "on a fast road", "too steep", "switched off", "a drift"],
+)
+def test_what_no_road_does_is_a_fault(
+    slope: float, seconds: float, speed: float, settings: dict[str, float]
+) -> None:
+    car = Car(**settings)
+    car.speed = speed
+    car.drive(8.0)
+    start = car.number
+    bend(car, slope, seconds)
+    assert car.faults_since(start) == {"acceleration"}
+
+
+@pytest.mark.parametrize(("braking", "faults"), [(1.0, set()), (4.0, {"acceleration"})])
+def test_a_manoeuvre_looks_like_a_bend_and_tells_of_none(braking: float, faults: set) -> None:
+    """The road bends by 1.8 m/s^2 as the car begins to brake, by less and more than 2.5 m/s^2."""
+    car = Car()
+    car.speed = 14.0
+    car.drive(8.0)
+    start = car.number
+    for k in range(200):
+        braked, slope = -braking * min(k / 80, 1.0), 1.8 * min(k / 80, 1.0)
+        car.speed += 0.01 * braked
+        car.step(acceleration=braked + slope)
+    assert car.faults_since(start) == faults
+
+
+@pytest.mark.parametrize(
+    ("change", "faults", "settings"),
+    [
+        (-1.8, set(), {}),
+        (-2.4, {"acceleration"}, {}),
+        (1.8, {"acceleration"}, {}),
+        (-1.8, {"acceleration"}, {"steepest_road": 0.0}),
+    ],
+    ids=["down", "farther", "up", "switched off"],
+)
+def test_a_slope_ends_rather_than_an_accelerometer_drifts(
+    change: float, faults: set, settings: dict[str, float]
+) -> None:
+    """As slowly as it drifts, the road turns down at the top of a hill."""
+    car = Car(**settings)
+    for k in range(1800):
+        car.step(acceleration=0.9 * min(k / 1200, 1.0))
+    start = car.number
+    for k in range(600):
+        car.step(acceleration=0.9 + change * min(k / 360, 1.0))
+    assert car.faults_since(start) == faults
+
+
+@pytest.mark.parametrize(("step", "faults"), [(0.1, set()), (0.25, {"acceleration"})])
+def test_a_coarse_host_speed_tells_of_no_bend(step: float, faults: set) -> None:
+    car = Car()
+
+    def drive(slope: float) -> None:
+        car.speed += 0.01 * 0.8
+        car.step(acceleration=0.8 + slope, host_speed_is=step * round(car.speed / step))
+
+    car.speed = 3.0
+    for _ in range(800):
+        drive(0.0)
+    start = car.number
+    for k in range(300):
+        drive(1.6 * min((k + 1) / 80, 1.0))
+    assert car.faults_since(start) == faults
+
+
+def test_an_acceleration_that_drifts_in_a_standing_car_is_told_by_a_lead_at_rest(standing: Car):
+    """A car that drove off with a held speed would near its lead, or have followed it."""
+    start = standing.number
+    for k in range(400):
+        standing.step(acceleration=0.005 * k, host_speed_is=0.0)
+    assert standing.faults_since(start) == {"acceleration"}
+    assert standing.outcomes[-1].report.acceleration.kind == Kind.RAMP
+
+
+@pytest.mark.parametrize("left", [1.2, 1.3])
+def test_what_a_drift_has_left_is_no_jump(car: Car, left: float) -> None:
+    start = car.number
+    for k in range(300):
+        car.step(acceleration=2.0 * k / 300)
+    assert car.outcomes[-1].report.acceleration.kind == Kind.RAMP
+    for k in range(100):
+        car.step(acceleration=2.0 + (left - 2.0) * k / 100)
+    report = car.drive(5.0, acceleration=left).report
+    assert report.acceleration.state == State.OK
+    states = [outcome.report.acceleration.state for outcome in car.outcomes[start:]]
+    ends = sum(a == State.FAULT != b for a, b in zip(states, states[1:], strict=False))
+    assert ends == 1, "found once, and cleared once"
+
+
+@pytest.mark.parametrize("slope", [1.3, -1.3])
+def test_while_the_speed_is_missing_the_slope_may_change(car: Car, slope: float) -> None:
+    start, car.host_speed = car.number, False
+    for k in range(1000):
+        car.step(acceleration=slope * k / 1000)
+    car.host_speed = True
+    report = car.drive(5.0, acceleration=slope).report
+    assert not car.faults_since(start)
+    assert report.acceleration.state == State.OK
+    car.drive(0.3, acceleration=slope + 4.0)
+    assert car.faults_since(start) == {"acceleration"}
+
+
+def test_a_car_that_brakes_to_rest_jerks_back(car: Car) -> None:
+    """Its speed is no evidence for a moment then, and the observers are slower than the jerk."""
+    start, braking = car.number, 0.0
+    while car.speed > 0.1:
+        braking = max(braking - 0.2, -6.0)
+        car.speed += 0.01 * braking
+        car.step(acceleration=braking)
+    for k in range(200):
+        swing = -3.0 * np.exp(-0.05 * k) * np.cos(0.14 * k)
+        car.step(acceleration=swing, host_speed_is=0.0)
+    assert not car.faults_since(start)
+
+
+def test_what_shakes_a_standing_car_is_no_fault(standing: Car) -> None:
+    random, start = Random(2), standing.number
+    for _ in range(300):
+        standing.step(acceleration=random.gauss(0.0, 0.9), host_speed_is=0.0)
+    standing.drive_off(4.0)
+    assert not standing.faults_since(start)
+
+
+@pytest.mark.parametrize("jerk", [25.0, 40.0])
+def test_hard_braking_is_no_fault_though_a_noisy_speed_is_late(car: Car, jerk: float) -> None:
+    """The noise of its derivative must not make it seem early."""
+    random, start, wheel = Random(0), car.number, 0.0
+    late = [0.0] * 15
+    course = [sin(2.0 * pi * k / 300) for k in range(3000)]
+    for acceleration in course + [max(-0.01 * jerk * k, -8.0) for k in range(100)]:
+        late.append(acceleration)
+        car.speed += 0.01 * late.pop(0)
+        wheel = 0.8 * wheel + random.gauss(0.0, 0.018)
+        car.step(acceleration=acceleration, host_speed=wheel)
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize("seed", [2, 4, 5])
+def test_an_accelerometers_slow_noise_is_no_lag_that_shows_in_hard_braking(seed: int) -> None:
+    """Noise of 0.25 m/s^2 that lasts for half a second, on a calm drive."""
+    car, random, slow = Car(), Random(seed), 0.0
+    calm = [0.0] * 400 + [0.15 * sin(2.0 * pi * k / 600) for k in range(4000)]
+    for acceleration in calm + [max(-0.4 * k, -8.0) for k in range(100)]:
+        slow = 0.98 * slow + random.gauss(0.0, 0.05)
+        car.speed += 0.01 * acceleration
+        car.step(acceleration=acceleration + slow)
+    assert not car.faults_since(0)
+
+
+@pytest.mark.parametrize(("braking", "swing"), [(-5.0, 0.6), (-5.0, -0.6), (-7.0, 0.6)])
+@pytest.mark.parametrize("steps", [10, 13, 16])
+def test_a_jolt_while_braking_with_a_late_speed_is_no_fault(
+    car: Car, braking: float, swing: float, steps: int
+) -> None:
+    """A wheel that is shaken leaps as no car does: its speed tells less for a moment."""
+    start, late = car.number, [0.0] * 5
+    jolt = [sin(2.0 * pi * k / steps) for k in range(steps)]
+    for k in range(1000):
+        acceleration = sin(2.0 * pi * k / 300) if k < 800 else max(-0.1 * (k - 800), braking)
+        late.append(acceleration)
+        car.speed += 0.01 * late.pop(0)
+        shaken = jolt[k - 830] if 0 <= k - 830 < steps else 0.0
+        car.step(acceleration=acceleration + 2.0 * shaken, host_speed=swing * shaken)
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize("late", [0, 6])
+def test_an_emergency_stop_to_rest_is_no_fault(car: Car, late: int) -> None:
+    """The accelerometer is at rest at once; the speed says so some steps later."""
+    start, braking = car.number, 0.0
+    speeds = [car.speed] * (late + 1)
+    while speeds[0] > 0.0:
+        braking = max(braking - 0.2, -9.0) if car.speed > 0.0 else 0.0
+        car.speed = max(car.speed + 0.01 * braking, 0.0)
+        speeds = [*speeds[1:], car.speed]
+        car.step(acceleration=braking, host_speed_is=speeds[0])
+    report = car.drive(1.5, host_speed_is=0.0).report
+    assert not car.faults_since(start)
+    assert report.acceleration.state == State.OK
+
+
+@pytest.mark.parametrize("value", [0.0, 1e6, -1e300])
+def test_an_accelerometer_that_wakes_up_late_is_healthy_from_then_on(value: float) -> None:
+    """What it said before is no slope, and says nothing of how rough it is."""
+    car = Car()
+    car.drive(5.0, acceleration_is=value)
+    car.drive(20.0)
+    start = car.number
+    assert car.drive(5.0).report.acceleration.state == State.OK
+    assert not car.faults_since(start)
+    car.drive(1.0, acceleration=2.0)
+    assert car.faults_since(start) == {"acceleration"}
+
+
+@pytest.mark.parametrize("offset", [4.0, -4.0])
+def test_after_a_crest_an_acceleration_is_rebuilt_with_the_slope_of_now(car: Car, offset) -> None:
+    """Its slow mean still lies half way: what jumped is held against a moment before, and its size
+    is known 0.2 s later."""
+    slope = 0.8
+    for k in range(300):
+        car.step(acceleration=slope * k / 300)
+    car.drive(1.0, acceleration=slope)
+    start = car.number
+    car.drive(2.0, acceleration=slope + offset)
+    assert car.faults_since(start) == {"acceleration"}
+    assert car.outcomes[-1].report.acceleration.kind == Kind.OFFSET
+    rebuilt = [o.reconstruction for o in car.outcomes[start + 30 :]]
+    assert [r.acceleration for r in rebuilt] == pytest.approx([slope] * len(rebuilt), abs=0.3)
+    # What the sensor would have said has its noise of 0.08 m/s^2.
+    covered = [
+        abs(r.acceleration - slope) <= 1.96 * hypot(r.acceleration_std, 0.08) for r in rebuilt
+    ]
+    assert np.mean(covered) >= 0.9
+    for outcome in car.outcomes[start + 30 :]:
+        said = outcome.report.acceleration
+        assert abs(said.size - offset) < 1.96 * said.size_std < 0.2
+        assert outcome.reconstruction.acceleration_std == said.size_std
+
+
+@pytest.mark.parametrize("offset", [4.0, -2.0])
+def test_a_slope_that_changes_under_a_jump_is_followed(car: Car, offset) -> None:
+    car.drive(3.0, acceleration=offset)
+    for k in range(1000):
+        slope = 0.0012 * k
+        now = car.step(acceleration=slope + offset).reconstruction
+        assert now.acceleration == pytest.approx(slope, abs=0.5)
+    end = car.number
+    for _ in range(150):
+        outcome = car.step(acceleration=slope)
+        if outcome.report.acceleration.state == State.FAULT:
+            assert outcome.reconstruction.acceleration == pytest.approx(slope, abs=0.8)
+    assert outcome.report.acceleration.state == State.OK
+    # What the road has become is known: the same slope is no new fault.
+    car.drive(4.0, acceleration=slope)
+    assert not car.faults_since(end)
+
+
+@pytest.mark.parametrize("offset", [4.0, -2.0])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_what_the_difference_was_as_a_jump_began_is_not_the_slope_after_it(
+    offset: float, way: float
+) -> None:
+    """It passes by under the jump, and comes again before the next one."""
+    car = Car()
+    car.speed = 30.0
+    car.drive(12.0)
+    comes = [0.005 * k for k in range(180)]
+    for _ in range(5):
+        begin = car.number
+        for beside in [*comes, *[comes[-1]] * 60]:
+            outcome = car.step(acceleration=way * beside)
+        assert outcome.report.acceleration.state == State.OK
+        assert not car.faults_since(begin)
+        for beside in [*comes[::-1], *[0.0] * 500]:
+            car.step(acceleration=offset + way * beside)
+        assert car.faults_since(begin) == {"acceleration"}
+        assert car.drive(1.0).report.acceleration.state == State.OK
+
+
+@pytest.mark.parametrize("slope", [1.35, -1.35])
+def test_a_slope_that_nobody_saw_change_under_a_jump_is_no_fault(car: Car, slope: float) -> None:
+    car.drive(2.0, acceleration=4.0)
+    car.host_speed = False
+    for k in range(300):
+        car.step(acceleration=4.0 + slope * min(k / 250, 1.0))
+    while car.outcomes[-1].report.acceleration.state == State.FAULT:
+        car.step(acceleration=slope)
+    over, car.host_speed = car.number, True
+    car.drive(3.0, acceleration=slope)
+    assert not car.faults_since(over)
+
+
+@pytest.mark.parametrize("then", [8.0, -3.0])
+def test_a_jump_that_becomes_another_is_not_taken_for_the_road(car: Car, then) -> None:
+    car.drive(4.0, acceleration=4.0)
+    changed = car.number
+    car.drive(3.0, acceleration=then)
+    rebuilt = [o.reconstruction.acceleration for o in car.outcomes[changed:]]
+    assert rebuilt == pytest.approx([0.0] * len(rebuilt), abs=0.6)
+
+
+def test_a_jump_that_falls_silent_is_rebuilt_from_the_speed(car: Car) -> None:
+    car.drive(4.0, acceleration=4.0)
+    car.accelerometer_silent = True
+    for k in range(300):
+        acceleration = min(0.01 * k, 1.5)
+        car.speed += 0.01 * acceleration
+        now = car.step(acceleration=4.0).reconstruction
+        assert now.acceleration == pytest.approx(acceleration, abs=0.5)
+
+
+@pytest.mark.parametrize("silence", [0.8, 3.0])
+@pytest.mark.parametrize("host_speed", [True, False])
+@pytest.mark.parametrize("lets_go", [True, False])
+def test_what_an_accelerometer_said_before_a_silence_is_no_evidence_after_it(
+    silence: float, host_speed: bool, lets_go: bool
+) -> None:
+    """The car brakes meanwhile, on and on or until the silence is nearly over."""
+    car = Car(host_speed)
+    car.speed, acceleration, braked = 30.0, 0.0, silence - 0.1 if lets_go else inf
+    car.drive(12.0)
+    for k in range(round(100 * silence) + 150):
+        car.accelerometer_silent = k < 100 * silence
+        brakes = k < 100 * braked
+        acceleration = max(acceleration - 0.08, -6.0) if brakes else min(acceleration + 0.08, 0.0)
+        car.speed += 0.01 * acceleration
+        car.step(acceleration=acceleration)
+    assert not car.faults_since(0)
+
+
+@pytest.mark.parametrize(("size", "most"), [(1.5, 0.4), (-2.0, 0.3), (4.0, 0.3)])
+@pytest.mark.parametrize("silence", [0.4, 1.5, 6.0])
+def test_an_offset_that_begins_in_a_silence_is_told_after_it(
+    car: Car, silence: float, size: float, most: float
+) -> None:
+    """Though the road's slope may be another one by then."""
+    car.accelerometer_silent = True
+    car.drive(silence)
+    car.accelerometer_silent = False
+    end = car.number
+    car.drive(2.0, acceleration=size)
+    assert car.faults_since(end) == {"acceleration"}
+    assert car.delay("acceleration", end) <= most
+
+
+def test_a_held_acceleration_is_rebuilt_from_the_speed(car: Car) -> None:
+    """At first it looks like a jump that stays."""
+    for k in range(500):
+        acceleration = min(0.004 * k, 1.0)
+        car.speed += 0.01 * acceleration
+        now = car.step(acceleration_is=4.0).reconstruction
+        if k > 50:
+            assert now.acceleration == pytest.approx(acceleration, abs=0.5)
+
+
+def test_an_acceleration_that_jumps_and_stays_there_is_held_and_no_offset(car: Car) -> None:
+    start = car.number
+    for k in range(500):
+        acceleration = 0.8 * sin(2.0 * pi * k / 400)
+        car.speed += 0.01 * acceleration
+        held = car.step(acceleration_is=4.0).report.acceleration
+    assert held.kind == Kind.HOLD and "same value" in held.reason
+    report = car.drive(0.7).report
+    assert report.acceleration.state == State.OK
+    assert car.faults_since(start) == {"acceleration"}
+
+
+def test_a_jump_has_the_size_it_began_with(car: Car) -> None:
+    """Later its reference has been coasted: a lead that brakes is no change of the fault."""
+    car.drive(1.0, clearance=4.0, relative_velocity=-10.0)
+    car.lead_acceleration = -0.5
+    verdict = car.drive(3.0, clearance=4.0, relative_velocity=-10.0).report.relative_velocity
+    assert verdict.size == pytest.approx(-10.0, abs=0.5)
+    verdict = car.drive(1.0, clearance=4.0, relative_velocity=-18.0).report.relative_velocity
+    assert verdict.size == pytest.approx(-18.0, abs=2.5)
+
+
+def test_a_jump_that_fades_is_over(car: Car) -> None:
+    car.drive(4.0, acceleration=4.0)
+    for k in range(800):
+        car.step(acceleration=4.0 - 0.005 * k)
+    assert car.drive(3.0).report.acceleration.state == State.OK

@@ -1,0 +1,258 @@
+"""The robust profile without ROS: the host's speed, and what tells where there is none."""
+
+from math import exp, pi, sin
+from random import Random
+
+import numpy as np
+import pytest
+from robust_car import Car
+
+from lfd_diagnosis.verdict import Kind, State
+
+
+@pytest.mark.parametrize(
+    ("accelerometer", "seconds", "faults"),
+    [(name, *last) for name in ("noisy", "silent", "good") for last in ((0.8, False), (2.5, True))],
+)
+def test_a_rough_speed_is_the_roads_fault_for_a_while_for_not_every_accelerometer_feels_it(
+    accelerometer: str, seconds: float, faults: bool
+) -> None:
+    car, random = Car(), Random(3)
+
+    def drive(seconds: float, shake: float) -> None:
+        for _ in range(round(seconds * 100)):
+            noise = 0.4 if accelerometer == "noisy" else 0.0
+            swing = random.gauss(0.0, shake)
+            car.step(acceleration=random.gauss(0.0, noise), host_speed=swing)
+
+    drive(12.0, 0.0)
+    car.accelerometer_silent = accelerometer == "silent"
+    drive(0.5, 0.0)
+    start = car.number
+    drive(seconds, 0.15)
+    assert car.faults_since(start) == ({"host_speed"} if faults else set())
+    drive(4.0, 0.0)
+    assert car.outcomes[-1].report.host_speed.state == State.OK
+
+
+@pytest.mark.parametrize("ages", [(0,), (0, 5)])
+@pytest.mark.parametrize(("noise", "faults"), [(0.0, set()), (0.2, {"host_speed"})])
+def test_a_seldom_speed_is_not_rough_because_the_car_brakes_hard(
+    ages: tuple[int, ...], noise: float, faults: set
+) -> None:
+    """At 10 Hz, or in a table at 10 Hz of which every other value is half a sample old."""
+    car = Car()
+    speeds, said = [30.0] * 6, 30.0
+    braking = [0.0] * 6000
+    for jerk in (-8.0, 0.0, 8.0):
+        braking += [braking[-1] + 0.01 * jerk * k for k in range(1, 111)]
+    for acceleration in braking + [0.0] * 300:
+        speeds.append(speeds[-1] + 0.01 * acceleration)
+        if car.number % 10 == 0:
+            age = ages[car.number // 10 % len(ages)]
+            said = speeds[-1 - age] + 0.003 * car.random.normal()
+            if len(speeds) > len(braking):
+                said += noise * car.random.normal()
+        car.speed = speeds[-1]
+        car.step(acceleration=acceleration, host_speed_is=said)
+    assert car.faults_since(0) == faults
+
+
+def test_a_faulty_host_speed_is_named_and_not_used(car: Car) -> None:
+    start = car.number
+    report = car.drive(1.0, host_speed=5.0).report
+    assert report.host_speed.state == State.FAULT and "jump" in report.host_speed.reason
+    assert "host speed is not used" in report.acceleration.reason
+    assert car.faults_since(start) == {"host_speed"}
+    start = car.number
+    car.drive(0.5, host_speed=5.0, acceleration=4.0)
+    assert "acceleration" in car.faults_since(start), "the observers still tell"
+
+
+def test_a_host_speed_that_is_held_as_the_car_drives_off_blames_no_accelerometer(car: Car) -> None:
+    while car.speed > 0.03:
+        car.speed -= 0.02
+        car.step(acceleration=-2.0)
+    car.speed = 0.0
+    car.drive(8.0, host_speed_is=0.0)
+    assert not car.faults_since(0)
+    start = car.number
+    # The lead drives off before the car does.
+    car.lead_acceleration = 1.0
+    car.drive(1.0, host_speed_is=0.0)
+    car.lead_acceleration = 0.0
+    for k in range(250):
+        acceleration = min(0.02 * (k + 1), 1.7)
+        car.speed += 0.01 * acceleration
+        car.step(acceleration=acceleration, host_speed_is=0.0)
+    assert not car.faults_since(start)
+    # It jumps to where it should have been.
+    for _ in range(200):
+        car.speed += 0.01 * 1.7
+        outcome = car.step(acceleration=1.7)
+    assert car.faults_since(start) == {"host_speed"}
+    assert outcome.report.host_speed.state == outcome.report.acceleration.state == State.OK
+
+
+def test_a_coarse_host_speed_that_is_held_as_the_car_brakes_blames_no_accelerometer() -> None:
+    """Steps of 1 km/h take their time, but the lead goes on steadily, if the accelerometer is
+    right; then the speed leaps to where it should be."""
+    car = Car()
+    speeds = [car.speed] * 7
+
+    def accelerate(by: float) -> float:
+        """What the speed says afterwards, a moment late."""
+        car.speed += 0.01 * by
+        car.velocity -= 0.01 * by
+        speeds.append(car.speed)
+        return round(3.6 * speeds[-7]) / 3.6
+
+    for k in range(4000):
+        acceleration = 0.8 * sin(2.0 * pi * k / 800)
+        car.step(acceleration=acceleration, host_speed_is=accelerate(acceleration))
+    start, held = car.number, accelerate(0.0)
+    for k in range(150):
+        acceleration = -0.02 * k
+        accelerate(acceleration)
+        car.step(acceleration=acceleration, host_speed_is=held)
+    for _ in range(50):
+        car.step(acceleration=-3.0, host_speed_is=accelerate(-3.0))
+    assert "acceleration" not in car.faults_since(start)
+
+
+def test_a_held_host_speed_is_believed_soon_after_it_moves_again(car: Car) -> None:
+    start, held = car.number, car.speed
+    for _ in range(300):
+        car.speed += 0.01 * 1.2
+        outcome = car.step(acceleration=1.2, host_speed_is=held)
+    assert outcome.report.host_speed.kind == Kind.HOLD
+    assert car.faults_since(start) == {"host_speed"}
+    for k in range(400):
+        car.speed += 0.01 * 1.2
+        outcome = car.step(acceleration=1.2)
+        if k == 40:
+            assert outcome.report.host_speed.state == State.FAULT
+        if k >= 130:
+            assert outcome.report.host_speed.state == State.OK
+    assert car.faults_since(start) == {"host_speed"}
+
+
+def test_a_host_speed_that_fell_to_zero_is_faulty_until_it_moves_again(car: Car) -> None:
+    outcome = car.drive(9.0, host_speed_is=0.0)
+    assert outcome.report.host_speed.state == State.FAULT
+    assert outcome.report.host_speed.kind == Kind.ZERO
+    assert car.drive(1.5).report.host_speed.state == State.OK
+    assert car.faults_since(0) == {"host_speed"}
+
+
+def test_without_host_speed_a_jump_of_the_acceleration_is_found() -> None:
+    car = Car(host_speed=False)
+    car.drive(8.0)
+    start = car.number
+    verdict = car.drive(2.0, acceleration=4.0).report.acceleration
+    assert car.delay("acceleration", start) <= 0.2
+    assert verdict.kind == Kind.OFFSET and "observers" in verdict.reason
+    assert car.faults_since(start) == {"acceleration"}
+
+
+def test_without_host_speed_a_cars_own_braking_is_no_fault() -> None:
+    car = Car(host_speed=False)
+    car.drive(8.0)
+    start = car.number
+    for k in range(100):
+        # The host brakes hard within 0.4 s: the relative velocity grows as it does.
+        braking = -5.0 * min(k / 40, 1.0)
+        car.velocity -= 0.01 * braking
+        car.step(acceleration=braking)
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize("late", [0, 15])
+@pytest.mark.parametrize("lead_brakes", [0.0, -3.0])
+def test_without_host_speed_brakes_that_come_on_at_once_are_no_fault(late, lead_brakes) -> None:
+    """The radar sees it later, and the lead may brake meanwhile."""
+    car = Car(host_speed=False)
+    car.drive(8.0)
+    start, seen = car.number, [0.0] * (late + 1)
+    for k in range(150):
+        braking = -9.0 * (1.0 - exp(-0.01 * k / 0.15))
+        seen.append(lead_brakes * min(k / 40, 1.0) - braking)
+        car.velocity += 0.01 * seen[-1 - late]
+        car.step(acceleration=braking)
+    assert not car.faults_since(start)
+
+
+def test_without_host_speed_what_comes_on_like_brakes_and_is_not_answered_is_found() -> None:
+    car = Car(host_speed=False)
+    car.drive(8.0)
+    start = car.number
+    for k in range(100):
+        car.step(acceleration=-9.0 * (1.0 - exp(-0.01 * k / 0.15)))
+    assert 0.5 < car.delay("acceleration", start) < 0.9
+    assert car.faults_since(start) == {"acceleration"}
+
+
+@pytest.mark.parametrize(("slope", "faults"), [(0.0, set()), (1.6, set()), (2.0, {"acceleration"})])
+def test_without_host_speed_a_car_that_stops_on_a_slope_feels_the_slope(
+    slope: float, faults: set
+) -> None:
+    """Behind a lead at rest, which the radar tells 0.15 s late; roads are hardly steeper."""
+    car = Car(host_speed=False)
+    car.velocity, car.clearance = -8.0, 120.0
+    car.drive(8.0, acceleration=slope)
+    start, late = car.number, [-8.0] * 15
+    for k in range(400):
+        stands = k >= 200
+        late.append(0.0 if stands else -8.0 + 0.04 * k)
+        car.velocity = late[-15]
+        car.step(acceleration=slope - (0.0 if stands else 4.0 * min(k / 20, 1.0)))
+    assert car.faults_since(start) == faults
+
+
+def test_the_leads_word_finds_what_nothing_else_does() -> None:
+    found = {}
+    for lead in (True, False):
+        car = Car(host_speed=False, lead=lead)
+        report = car.drive(8.0).report
+        assert report.lead_acceleration.state == (State.OK if lead else State.NO_DATA)
+        start = car.number
+        car.drive(1.0, acceleration=2.0)
+        found[lead] = car.faults_since(start)
+    assert found == {True: {"acceleration"}, False: set()}
+
+
+@pytest.mark.parametrize("host_speed", [True, False])
+def test_a_lie_of_the_lead_is_found_out_and_blames_no_one(host_speed: bool) -> None:
+    car = Car(host_speed=host_speed, lead=True)
+    car.drive(8.0)
+    start = car.number
+    report = car.drive(3.0, lead_acceleration=4.0).report
+    assert report.lead_acceleration.state == State.FAULT
+    assert car.faults_since(start) == {"lead_acceleration"}
+    assert report.acceleration.state == State.OK
+
+
+def test_the_lead_that_falls_silent_is_said_so() -> None:
+    car = Car(lead=True)
+    car.drive(8.0)
+    car.lead = False
+    verdict = car.step().report.lead_acceleration
+    assert verdict.state == State.NO_DATA and verdict.kind == Kind.DROPOUT
+
+
+def test_a_wheel_is_as_rough_after_a_long_rest_as_it_was_before(standing: Car) -> None:
+    start = standing.number
+    standing.drive(120.0, host_speed_is=0.0)
+    standing.drive_off(4.0)
+    assert not standing.faults_since(start)
+
+
+def test_a_wheel_that_swings_while_braking_hard_is_no_fault(car: Car) -> None:
+    """The derivative of its speed swings to and fro; where it turns back it has no jerk."""
+    start, braking = car.number, 0.0
+    for k in range(150):
+        braking = max(braking - 0.2, -8.0)
+        car.speed += 0.01 * braking
+        swing = 1.2 * np.sin(np.pi * (k - 30) / 8) if 30 <= k < 46 else 0.0
+        car.step(acceleration=braking, host_speed=swing)
+    assert not car.faults_since(start)

@@ -1,0 +1,504 @@
+"""The robust radar signals without ROS: at, below and above their limits; outliers and drifts."""
+
+from math import nan
+
+import numpy as np
+import pytest
+from robust_car import SCAN, Car
+
+from lfd_diagnosis.settings import DiagnosisSettings
+from lfd_diagnosis.verdict import Kind, State
+
+
+def test_a_reference_that_wanders_to_a_faulty_relative_velocity_does_not_end_its_fault(car) -> None:
+    """Coasted out of a clearance that wanders by 0.8 m, it meets what the signal says: no jump."""
+    off = {"relative_velocity": 1.0}
+    car.drive(1.0, **off)
+    start, reasons = car.number, set()
+    for wandered in (*range(80), *range(80, 0, -1)):
+        verdict = car.step(clearance=0.01 * wandered, **off).report.relative_velocity
+        assert verdict.state == State.FAULT
+        reasons.add(verdict.reason.rpartition("; ")[2])
+    assert "did not jump back: it must agree for 2 s" in reasons
+    assert car.drive(1.5).report.relative_velocity.state == State.OK, "the jump back was seen"
+    assert not car.faults_since(start)
+
+
+def test_a_reference_that_jumps_is_no_jump_back_of_the_signal() -> None:
+    car = Car(relative_velocity_floor=0.2)
+    car.drive(12.0)
+    car.drive(1.0, relative_velocity=0.5)
+    start = car.number
+    for _ in range(300):
+        verdict = car.step(relative_velocity=0.5, clearance=0.8).report.relative_velocity
+        assert verdict.state == State.FAULT
+    assert car.drive(1.5, clearance=0.8).report.relative_velocity.state == State.OK
+    assert not car.faults_since(start)
+
+
+def test_a_relative_velocity_that_fades_back_is_believed_though_nothing_jumped(car: Car) -> None:
+    car.drive(2.0, relative_velocity=1.5)
+    for left in range(100):
+        car.step(relative_velocity=0.015 * (100 - left))
+    end = car.number
+    assert car.drive(2.5).report.relative_velocity.state == State.OK
+    assert not car.faults_since(end)
+
+
+@pytest.mark.parametrize(("off", "expected"), [(1.15, State.OK), (1.6, State.SUSPECT)])
+def test_a_scan_counts_above_its_limit_only_and_alone_is_an_outlier(car, off, expected) -> None:
+    while car.number % SCAN:
+        car.step()
+    verdict = car.step(clearance=off).report.clearance
+    assert verdict.state == expected
+    assert (verdict.index > verdict.threshold) is (expected == State.SUSPECT)
+    start = car.number
+    verdict = car.drive(2.0).report.clearance
+    assert verdict.state == State.OK and not car.faults_since(start)
+    assert ("1 single outliers" in verdict.reason) is (expected == State.SUSPECT)
+
+
+@pytest.mark.parametrize("levels", [(0.6, 1.1, 1.6), (1.0, 1.9), (-0.9, -1.8)])
+def test_a_radar_that_goes_over_to_another_part_of_the_car_is_not_faulty(car: Car, levels) -> None:
+    start = car.number
+    for _ in range(2):
+        for level in levels:
+            car.drive(SCAN * 0.01, clearance=level)
+        assert car.drive(4.0, clearance=levels[-1]).report.clearance.state == State.OK
+        for level in levels[-2::-1]:
+            car.drive(SCAN * 0.01, clearance=level)
+        assert car.drive(4.0).report.clearance.state == State.OK
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize("step", [0.7, -0.7])
+def test_a_radar_that_goes_over_twice_does_not_drift(step: float) -> None:
+    """A straight line fits stairs as well as one shift does, and neither fits well."""
+    car = Car()
+    car.drive(15.0)
+    start = car.number
+    car.drive(0.9, clearance=step)
+    car.drive(3.9, clearance=2.0 * step)
+    assert not car.faults_since(start)
+
+
+def test_what_no_car_is_long_enough_for_is_a_fault(car: Car) -> None:
+    start = car.number
+    for level in (1.0, 1.9, 2.7, 3.5):
+        car.drive(SCAN * 0.01, clearance=level)
+    verdict = car.drive(2.0, clearance=3.5).report.clearance
+    assert verdict.state == State.FAULT and verdict.kind == Kind.OFFSET
+    assert car.faults_since(start) == {"clearance", "radar"}
+    assert car.delay("clearance", start) < 0.6
+
+
+def test_where_a_radar_never_shifts_a_shift_is_a_fault() -> None:
+    car = Car(largest_shift=0.0)
+    car.drive(12.0)
+    start = car.number
+    for level in (0.6, 1.1, 1.6, 1.9):
+        car.drive(SCAN * 0.01, clearance=level)
+    car.drive(2.0, clearance=1.9)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
+def test_a_clearance_that_wanders_takes_the_track_along() -> None:
+    """Or a fault towards the other side would seem as much smaller as it had wandered."""
+    car = Car()
+    for k in range(31):
+        car.drive(1.0, clearance=0.45 * (-1.0) ** k)
+    start = car.number
+    verdict = car.drive(0.5, clearance=0.45 - 2.0).report.clearance
+    assert car.delay("clearance", start) <= 0.13
+    assert verdict.size == pytest.approx(-2.0, abs=0.25)
+
+
+@pytest.mark.parametrize("signal", ["clearance", "relative_velocity"])
+@pytest.mark.parametrize("share", [0.5, 0.7, 0.8, 0.9, 1.1, 2.0])
+def test_a_scan_that_is_off_alone_is_nobodys_fault_within_its_limit_either(
+    car: Car, signal: str, share: float
+) -> None:
+    """What was taken of it makes the next scans disagree."""
+    limit = {"clearance": 1.3, "relative_velocity": 0.8}[signal]
+    for k in range(6):
+        off = car.drive(0.01 * SCAN, **{signal: (-1) ** k * share * limit})
+        state = State.OK if share < 1.0 else State.SUSPECT
+        assert getattr(off.report, signal).state == state
+        assert getattr(car.drive(1.0).report, signal).state == State.OK
+    assert not car.faults_since(0)
+    if share > 1.0:
+        assert "6 single outliers" in getattr(car.outcomes[-1].report, signal).reason
+
+
+def test_a_clearance_of_which_scans_are_missing_is_not_rough_for_that(car: Car) -> None:
+    """A lead that is neared by 15 m/s is somewhere else after a scan that is missing."""
+    car.clearance, car.velocity, car.track_id = 200.0, -15.0, 2
+    start = car.number
+    for k in range(240):
+        car.radar_silent = k % 3 == 1
+        car.drive(0.01 * SCAN)
+        if k == 80:
+            car.clearance, car.track_id = 200.0, 3
+    assert not car.faults_since(start)
+
+
+def test_a_lead_that_brakes_hard_is_nobodys_fault(car: Car) -> None:
+    start = car.number
+    car.lead_acceleration = -8.0
+    car.drive(1.2)
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize(
+    ("floor", "peak", "slope"), [(1.3, 2.0, 2.0), (1.3, 2.0, 4.0), (0.3, 0.6, 1.0)]
+)
+def test_what_leaves_its_limits_gradually_and_comes_back_at_once_is_no_offset(
+    floor: float, peak: float, slope: float
+) -> None:
+    car = Car(clearance_floor=floor)
+    car.drive(12.0)
+    start = car.number
+    for k in range(round(100 * peak / slope)):
+        car.step(clearance=0.01 * slope * (k - k % SCAN))
+    assert car.outcomes[-1].report.clearance.state == State.SUSPECT
+    assert car.drive(2.0).report.clearance.state == State.OK
+    assert not car.faults_since(start)
+
+
+def test_a_slow_drift_of_the_clearance_is_seen_over_two_windows(car: Car) -> None:
+    start = car.number
+    for k in range(700):
+        car.step(clearance=0.0035 * k)
+    assert car.faults_since(start) == {"clearance", "radar"}
+    assert car.outcomes[-1].report.clearance.kind == Kind.RAMP
+    assert 0.35 * car.delay("clearance", start) < 2.1
+
+
+def test_a_clearance_that_comes_back_to_the_path_from_a_drift_too_slow_to_tell(car: Car) -> None:
+    car.drive(5.0)
+    start = car.number
+    for k in range(900):
+        car.step(clearance=0.0017 * k)
+    assert not car.faults_since(start)
+    car.drive(3.0)
+    assert not car.faults_since(start)
+    # As far from where it never was: a fault.
+    car.drive(1.0, clearance=1.53)
+    assert "clearance" in car.faults_since(start)
+
+
+def test_a_relative_velocity_that_comes_back_ends_the_drift_it_made(car: Car) -> None:
+    car.track_id, car.clearance, car.velocity = 2, 60.0, -2.0
+    # Off by less than its limits from its first scan on: that is a drift of the clearance to see.
+    car.drive(4.0, relative_velocity=0.6)
+    assert car.outcomes[-1].report.clearance.kind == Kind.RAMP
+    for k in range(280):
+        car.step(relative_velocity=0.6 + 0.005 * k)
+    car.drive(1.5, relative_velocity=2.0)
+    start = car.number
+    report = car.drive(0.5).report
+    assert report.clearance.state == report.relative_velocity.state == State.OK
+    car.drive(3.0)
+    assert not car.faults_since(start)
+
+
+def test_a_clearance_that_jumps_while_the_relative_velocity_stays_faulty_is_faulty(car) -> None:
+    car.drive(1.0, relative_velocity=2.0)
+    start = car.number
+    car.drive(1.0, relative_velocity=2.0, clearance=4.0)
+    assert "clearance" in car.faults_since(start) and car.delay("clearance", start) <= 0.13
+
+
+def test_a_lead_that_braked_all_along_ends_no_fault_later(car: Car) -> None:
+    """What it did while nothing told of it is in what the relative velocity said."""
+    both = {"clearance": 4.0, "relative_velocity": -10.0}
+    car.velocity = 5.0
+    car.drive(5.0)
+    car.drive(1.0, **both)
+    car.lead_acceleration = -3.0
+    car.drive(2.0, **both)
+    end = car.number
+    report = car.drive(1.0).report
+    assert report.clearance.state == report.relative_velocity.state == State.OK
+    assert not car.faults_since(end)
+
+
+@pytest.mark.parametrize("silence", [0.0, 0.6])
+def test_another_part_of_the_car_behind_a_faulty_relative_velocity_is_no_fault(
+    car: Car, silence: float
+) -> None:
+    off = {"relative_velocity": 2.0}
+    car.drive(0.5, **off)
+    start = car.number
+    if silence:
+        car.radar_silent = True
+        car.drive(silence, **off)
+        car.radar_silent = False
+    else:
+        for level in (0.5, 1.2, 1.9):
+            car.drive(0.01 * SCAN, clearance=level, **off)
+    verdict = car.drive(2.0, clearance=2.4, **off).report.relative_velocity
+    assert verdict.state == State.FAULT and not car.faults_since(start) - {"relative_velocity"}
+    assert car.drive(1.5, clearance=2.4).report.relative_velocity.state == State.OK
+
+
+def test_a_clearance_that_came_back_may_go_over_to_another_part_of_the_car(car: Car) -> None:
+    car.drive(2.0, clearance=2.0)
+    end = car.number
+    car.drive(0.22)
+    for level in (-0.6, -1.1):
+        car.drive(0.01 * SCAN, clearance=level)
+    assert car.drive(1.0, clearance=-1.4).report.clearance.state == State.OK
+    assert not car.faults_since(end)
+
+
+@pytest.mark.parametrize("at", range(15, 55, SCAN))
+def test_an_outlier_after_a_jump_back_is_not_where_the_car_is(car: Car, at: int) -> None:
+    car.drive(2.0, clearance=4.0)
+    end = car.number
+    for k in range(150):
+        verdict = car.step(clearance=-1.5 * (at <= k < at + SCAN)).report.clearance
+    assert verdict.state == State.OK and not car.faults_since(end)
+
+
+def test_a_clearance_that_was_missing_may_see_another_part_of_the_car(car: Car) -> None:
+    car.drive(1.0, clearance_is=nan)
+    start = car.number
+    assert car.drive(2.0, clearance=2.0).report.clearance.state == State.OK
+    assert not car.faults_since(start)
+    car.drive(1.0, clearance=2.0, clearance_is=nan)
+    car.drive(1.0, clearance=6.0)
+    assert "clearance" in car.faults_since(start)
+
+
+def test_a_gap_in_the_path_is_no_agreement(car: Car) -> None:
+    """Three seconds after the gap its window begins where no scan is."""
+    both = {"clearance": 4.0, "relative_velocity": -10.0}
+    car.drive(0.5, **both)
+    car.radar_silent = True
+    car.drive(0.35, **both)
+    car.radar_silent = False
+    report = car.drive(4.0, **both).report
+    assert report.clearance.state == report.relative_velocity.state == State.FAULT
+    assert not any("lost" in o.report.clearance.reason for o in car.outcomes)
+    end = car.number
+    report = car.drive(1.5).report
+    assert report.clearance.state == report.relative_velocity.state == State.OK
+    assert not car.faults_since(end)
+
+
+def test_a_relative_velocity_that_makes_the_path_is_believed_behind_a_braking_lead(car: Car):
+    """What the clearance makes of it is vague while the lead's acceleration changes."""
+    car.clearance, car.track_id = 60.0, 2
+    car.drive(5.0)
+    car.drive(2.0, relative_velocity=-2.0)
+    car.lead_acceleration = -8.0
+    car.drive(1.0, relative_velocity=-2.0)
+    end = car.number
+    for acceleration in (-4.0, 2.0, 4.0, 3.0):
+        car.lead_acceleration = acceleration
+        car.drive(0.5)
+    believed = [o.report.relative_velocity.state for o in car.outcomes[end:]].index(State.OK)
+    assert believed * 0.01 <= 0.7
+    assert not car.faults_since(end)
+
+
+def test_a_quiet_radar_that_gets_as_noisy_as_others_is_not_faulty() -> None:
+    car = Car()
+    car.velocity = 1.0
+    for _ in range(2000):
+        car.step(clearance_is=round(car.clearance, 2), relative_velocity_is=car.velocity)
+    start = car.number
+    car.drive(5.0)
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize(
+    ("shift", "relative_velocity", "faulty"),
+    [
+        (1.9, 0.0, set()),
+        (-1.9, 0.0, set()),
+        (3.6, 0.0, {"clearance"}),
+        (1.9, 5.0, {"clearance", "relative_velocity"}),
+    ],
+)
+def test_a_radar_may_see_another_part_of_the_car_after_a_moment_without_it(
+    car: Car, shift: float, relative_velocity: float, faulty: set
+) -> None:
+    start = car.number
+    car.radar_silent = True
+    car.drive(0.65)
+    car.radar_silent = False
+    car.drive(1.0, clearance=shift, relative_velocity=relative_velocity)
+    assert car.faults_since(start) - {"radar"} == faulty
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_radar_that_goes_over_to_another_part_does_not_end_a_fault(car: Car, sign: float) -> None:
+    """Off by as much the other way, the clearance agrees; the fault is over when it jumps back."""
+    start = car.number
+    car.drive(1.0, clearance=2.0 * sign)
+    for wandered in (0.6, 1.2):
+        car.drive(0.01 * SCAN, clearance=(2.0 - wandered) * sign)
+    report = car.drive(3.0, clearance=0.2 * sign).report
+    assert report.clearance.state == State.FAULT
+    assert "did not jump back: it must agree for 5 s" in report.clearance.reason
+    assert report.relative_velocity.state == State.OK
+    end = car.number
+    report = car.drive(1.5, clearance=-1.8 * sign).report
+    assert report.clearance.state == report.relative_velocity.state == State.OK
+    assert not car.faults_since(end)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
+def test_a_fault_that_fades_is_over_when_it_has_agreed_for_long(car: Car) -> None:
+    car.drive(1.0, clearance=2.0)
+    for off in (1.4, 0.8, 0.2):
+        car.drive(0.01 * SCAN, clearance=off)
+    end = car.number
+    requalify_time = DiagnosisSettings().requalify_time
+    assert car.drive(requalify_time - 0.3).report.clearance.state == State.FAULT
+    assert car.drive(0.6).report.clearance.state == State.OK
+    assert not car.faults_since(end)
+
+
+@pytest.mark.parametrize("host_speed", [True, False])
+@pytest.mark.parametrize(
+    ("radar_late", "host_late", "phase"), [(0, 12, 0), (0, 16, 8), (20, 0, 3), (20, 0, 5)]
+)
+def test_an_emergency_stop_behind_a_car_at_rest_is_no_fault_of_a_slow_radar(
+    host_speed: bool, radar_late: int, host_late: int, phase: int
+) -> None:
+    """Braking ends at once; radar and host tell of it at different times."""
+    car = Car(host_speed=host_speed)
+    car.clearance, car.velocity = 300.0, -15.0
+    seen = [(car.clearance, car.velocity)] * (radar_late + 1)
+    felt = [(0.0, car.speed)] * (host_late + 1)
+
+    def drive(steps: int, braking: float, off: float = 0.0) -> None:
+        for _ in range(steps):
+            change = max(0.01 * braking, -car.speed)
+            car.speed += change
+            car.velocity -= change
+            seen.append((car.clearance, car.velocity))
+            felt.append((100.0 * change, car.speed))
+            (clearance, velocity), (acceleration, speed) = seen.pop(0), felt.pop(0)
+            # At 10 Hz.
+            car.radar_silent = car.number % (2 * SCAN) >= SCAN
+            noise = car.random.normal(size=2).tolist()
+            car.step(
+                acceleration=acceleration,
+                host_speed_is=speed,
+                clearance_is=clearance + 0.05 * noise[0],
+                relative_velocity_is=velocity + 0.03 * noise[1] + off,
+            )
+
+    drive(1500 + phase, 0.0)
+    start = car.number
+    for braking in np.linspace(0.0, -9.5, 45).tolist():
+        drive(1, braking)
+    drive(250, -9.5)
+    assert car.faults_since(start) == set()
+    # A fault is seen as soon as ever.
+    start = car.number
+    drive(50, 0.0, off=2.0)
+    assert car.delay("relative_velocity", start) <= 0.2
+
+
+@pytest.mark.parametrize("outlier", [None, "before", "after", "third"])
+def test_a_long_fault_ends_with_its_jump_back_whatever_became_of_the_reference(
+    car: Car, outlier: str | None
+) -> None:
+    """The lead brakes while both signals are faulty, so that the coasted track is far off."""
+    fault = {"clearance": -4.0, "relative_velocity": 5.0}
+    car.track_id, car.clearance = 2, 60.0  # room to brake for as long
+    car.drive(8.0)
+    car.lead_acceleration = -0.4
+    car.drive(12.0, **fault)
+    while car.number % SCAN:
+        car.step(**fault)
+    spike = {"clearance": fault["clearance"] - 3.0, "relative_velocity": 5.0}
+    for _ in range(SCAN):
+        car.step(**(spike if outlier == "before" else fault))
+    for scan in ("after", "second", "third"):
+        car.drive(0.01 * SCAN, clearance=-3.0 if outlier == scan else 0.0)
+    report = car.drive(1.5).report
+    assert {report.clearance.state, report.relative_velocity.state} == {State.OK}
+    assert car.outcomes[-1].reconstruction.clearance == pytest.approx(car.clearance, abs=0.3)
+
+
+def test_a_fault_is_not_over_because_the_coasted_track_comes_near_to_it(car: Car) -> None:
+    """The lead stops braking and accelerates while nothing sees it: what is expected of the
+    relative velocity goes to where the fault is, but the clearance does not follow that."""
+    car.lead_acceleration = -1.6
+    car.drive(1.0)
+    fault = {"clearance": 4.0, "relative_velocity": -10.0}
+    car.drive(0.2, **fault)
+    start = car.number
+    for k in range(800):
+        car.lead_acceleration = min(-1.6 + 0.012 * k, 1.5)
+        car.step(**fault)
+    states = {
+        (o.report.clearance.state, o.report.relative_velocity.state) for o in car.outcomes[start:]
+    }
+    assert states == {(State.FAULT, State.FAULT)}
+    end = car.number
+    report = car.drive(1.5).report
+    assert {report.clearance.state, report.relative_velocity.state} == {State.OK}
+    car.drive(5.0)
+    assert not car.faults_since(end)
+
+
+def test_what_stays_on_one_side_is_no_noise(car: Car) -> None:
+    """A shift below the limit must not widen it."""
+    for k in range(21):
+        car.drive(1.0, clearance=1.2 * (k % 2))
+    start = car.number
+    car.drive(1.0, clearance=2.0)
+    assert "clearance" in car.faults_since(start) and car.delay("clearance", start) <= 0.13
+
+
+def test_a_clearance_that_wanders_tells_less_of_a_relative_velocity(car: Car) -> None:
+    """A real radar sees now this, now that part of a car, for some scans each."""
+    wanders = np.cumsum(car.random.normal(0.0, 0.04, 6000))
+    wanders -= np.convolve(wanders, np.ones(300) / 300, "same")
+    for k in range(4000):
+        car.step(clearance=wanders[k])
+    start = car.number
+    for k in range(4000, 4400):
+        now = car.step(clearance=wanders[k], relative_velocity=2.0).reconstruction
+        if k > 4020:
+            assert now.relative_velocity == pytest.approx(0.0, abs=0.7)
+            assert abs(now.relative_velocity) < 3.0 * now.relative_velocity_std
+    assert car.faults_since(start) - {"radar"} == {"relative_velocity"}
+
+
+def test_a_coasted_clearance_is_known_worse_as_the_radars_wander_goes_on(car: Car) -> None:
+    """The relative velocity carries it; what a healthy clearance would wander to is not seen."""
+    wanders = np.cumsum(car.random.normal(0.0, 0.04, 6000))
+    wanders -= np.convolve(wanders, np.ones(300) / 300, "same")
+    for k in range(4000):
+        car.step(clearance=wanders[k])
+    stds = [
+        car.step(clearance=wanders[k] + 4.0).reconstruction.clearance_std for k in range(4000, 4400)
+    ]
+    assert stds[-1] > 1.15 * stds[30]
+    calm = Car()
+    calm.drive(40.0)
+    stds = [calm.step(clearance=4.0).reconstruction.clearance_std for _ in range(400)]
+    assert stds[-1] < 1.5 * stds[30]
+
+
+@pytest.mark.parametrize("offset", [2.0, -1.5])
+def test_an_offset_of_a_steady_relative_velocity_stays_an_offset(offset) -> None:
+    """Equal samples that began after the fault make no hold of it."""
+    car = Car()
+    for k in range(2900):
+        if k < 2500:
+            seen = 0.5 * round(car.random.normal(0.0, 0.2) / 0.5)
+        else:
+            seen = offset + 0.5 * (2510 <= k < 2530)
+        car.step(relative_velocity_is=seen)
+    verdict = car.outcomes[-1].report.relative_velocity
+    assert verdict.state == State.FAULT and verdict.kind == Kind.OFFSET
+    assert verdict.size == pytest.approx(offset, abs=0.6)

@@ -1,0 +1,417 @@
+"""The robust profile without ROS: signals that repeat themselves, held ones and healthy ones."""
+
+from math import pi, sin
+
+import pytest
+from robust_car import SCAN, Car
+
+from lfd_diagnosis.verdict import Kind, Outcome, State
+
+
+@pytest.mark.parametrize(("braking", "faulty"), [(0.0, set()), (-1.0, {"relative_velocity"})])
+def test_a_relative_velocity_that_repeats_itself_must_have_had_to_change(
+    car: Car, braking: float, faulty: set
+) -> None:
+    start, car.lead_acceleration = car.number, braking
+    if braking:
+        car.drive(0.6)
+    car.drive(1.2, relative_velocity_is=car.velocity)
+    assert car.faults_since(start) - {"radar"} == faulty
+
+
+class CoarseCar(Car):
+    """Its radar says the relative velocity in steps of 0.25 m/s."""
+
+    def step(self, **faults: float) -> Outcome:
+        said = 0.25 * round(self.velocity / 0.25)
+        return super().step(**{"relative_velocity_is": said, **faults})
+
+    def wave(self, seconds: float) -> None:
+        """The lead now speeds up, now slows down, and ends as fast as it began."""
+        steps = round(seconds * 100)
+        for k in range(steps):
+            self.lead_acceleration = 1.5 * sin(2.0 * pi * k * round(seconds / 4.0) / steps)
+            self.step()
+        self.lead_acceleration = 0.0
+
+
+@pytest.mark.parametrize("off", [4.0, -6.0])
+def test_one_scan_that_is_off_convicts_no_relative_velocity_that_repeats_itself(off: float) -> None:
+    car = CoarseCar()
+    car.wave(40.0)
+    start = car.number
+    car.drive(5.0)
+    car.drive(0.05, clearance=off)
+    assert car.drive(5.0).report.clearance.state == State.OK
+    assert car.faults_since(start) == set()
+
+
+def test_a_clearance_that_stays_refutes_what_was_expected_of_the_lead() -> None:
+    """The lead ends its braking as it is just as fast as the host."""
+    car = CoarseCar()
+    car.wave(40.0)
+    start = car.number
+    for car.lead_acceleration, seconds in ((1.0, 1.6), (-0.8, 2.0), (0.0, 15.0)):
+        car.drive(seconds)
+    assert car.faults_since(start) == set()
+    # A lead that brakes from then on is missed, however long that was true.
+    start, car.lead_acceleration = car.number, -1.0
+    car.drive(2.0, relative_velocity_is=0.0)
+    assert car.faults_since(start) - {"radar"} == {"relative_velocity"}
+    assert car.delay("relative_velocity", start) <= 1.8
+
+
+def test_short_holds_that_nobody_could_tell_do_not_excuse_a_long_one(car: Car) -> None:
+    for scans in (6, 8, 10, 12, 14, 16, 18, 20, 24):
+        start, held = car.number, car.velocity
+        for k in range(SCAN * scans):
+            acceleration = -3.0 * sin(2.0 * pi * k / (SCAN * scans))
+            car.speed += 0.01 * acceleration
+            car.velocity -= 0.01 * acceleration
+            car.step(acceleration=acceleration, relative_velocity_is=held)
+        car.drive(3.0)
+        assert car.faults_since(start) <= {"relative_velocity", "radar"}
+    assert car.delay("relative_velocity", start) <= 0.5
+
+
+@pytest.mark.parametrize("braking", [1.0, 4.0])
+@pytest.mark.parametrize("steps", [8, 20, 40])
+def test_a_lead_at_rest_that_is_neared_at_a_steady_speed_is_no_held_radar(
+    braking: float, steps: int
+) -> None:
+    """What the relative velocity repeats is true, and a lead at rest brakes no further.
+
+    `steps`: those of the relative velocity in 1 m/s.
+    """
+    car = Car()
+    car.clearance, car.speed = 40.0, 3.5
+    while car.clearance > 5.0:
+        if car.number < 1500:
+            car.lead_acceleration = 0.4 * sin(2.0 * pi * car.number / 300)
+        else:
+            car.lead_acceleration = -min(braking, 100.0 * (car.speed + car.velocity))
+        car.step(relative_velocity_is=round(steps * car.velocity) / steps)
+    assert not car.faults_since(0)
+
+
+@pytest.mark.parametrize(
+    ("signal", "kind"),
+    [("clearance", Kind.HOLD), ("relative_velocity", Kind.HOLD), ("acceleration", Kind.ZERO)],
+)
+def test_a_signal_that_repeats_itself_is_named(car: Car, signal: str, kind: Kind) -> None:
+    car.lead_acceleration = 1.0
+    car.drive(1.0)
+    car.lead_acceleration = 0.0
+    car.drive(1.0)
+    start = car.number
+    value = 0.0 if kind == Kind.ZERO else {"clearance": car.clearance, "relative_velocity": 1.0}
+    held = value if isinstance(value, float) else value[signal]
+    report = car.drive(2.0, **{f"{signal}_is": held}).report
+    assert car.faults_since(start) - {"radar"} == {signal}
+    assert getattr(report, signal).kind == kind
+
+
+@pytest.mark.parametrize(("seconds", "faulty"), [(0.9, set()), (1.2, {"clearance", "radar"})])
+def test_a_clearance_that_does_not_even_waver_is_held(
+    car: Car, seconds: float, faulty: set[str]
+) -> None:
+    """Nothing moves: it is told by its own noise, but not before a second has passed."""
+    start, (held, _) = car.number, car.seen
+    report = car.drive(seconds, clearance_is=held).report
+    assert car.faults_since(start) == faulty
+    assert not faulty or report.clearance.kind == Kind.HOLD
+
+
+def test_a_held_clearance_is_told_the_sooner_the_longer_it_is_no_coincidence(car: Car) -> None:
+    """It should have gone 0.3 m by then, not the 0.45 m of a run that may be one."""
+    car.lead_acceleration = 0.4
+    car.drive(1.0)
+    car.lead_acceleration = 0.0
+    car.drive(1.0)
+    start, (held, _) = car.number, car.seen
+    car.drive(0.9, clearance_is=held)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
+@pytest.mark.parametrize("velocity", [1.0, -1.0, 0.6])
+def test_a_held_clearance_is_told_where_a_radar_has_narrow_limits_too(velocity: float) -> None:
+    """It leaves them gradually, as a drift does; the path would take a second longer to tell."""
+    car = Car(clearance_floor=0.3, largest_shift=0.0)
+    car.drive(12.0)
+    car.lead_acceleration = velocity
+    car.drive(1.0)
+    car.lead_acceleration = 0.0
+    car.drive(1.0)
+    start, held = car.number, car.clearance
+    verdict = car.drive(1.5, clearance_is=held).report.clearance
+    assert car.faults_since(start) - {"radar"} == {"clearance"} and verdict.kind == Kind.HOLD
+    assert car.delay("clearance", start) <= 0.5 / abs(velocity) + 0.05
+
+
+@pytest.mark.parametrize("moved", [-2.5, 5.0])
+def test_a_clearance_that_was_held_may_see_another_part_of_the_car_since(
+    car: Car, moved: float
+) -> None:
+    car.velocity = -1.0
+    car.drive(2.0)
+    car.drive(3.0, clearance_is=car.clearance)
+    assert car.outcomes[-1].report.clearance.kind == Kind.HOLD
+    car.clearance += moved
+    start = car.number
+    car.drive(1.5)
+    assert car.outcomes[-1].report.clearance.state == State.OK
+    car.drive(3.0)
+    assert not car.faults_since(start)
+
+
+def test_a_hold_that_nothing_told_does_not_excuse_the_next_one(car: Car) -> None:
+    def coarse(seconds: float) -> None:
+        for _ in range(round(seconds * 100)):
+            value = car.velocity + 0.03 * float(car.random.normal())
+            car.step(relative_velocity_is=0.05 * round(value / 0.05))
+
+    coarse(20.0)
+    # Nothing changes meanwhile: nobody can tell.
+    car.drive(3.0, relative_velocity_is=0.0)
+    coarse(5.0)
+    assert not car.faults_since(0)
+    car.lead_acceleration = -0.5
+    start, held = car.number, car.seen[1]
+    car.drive(2.5, relative_velocity_is=held)
+    assert car.faults_since(start) == {"radar", "relative_velocity"}
+    assert car.outcomes[-1].report.relative_velocity.kind == Kind.HOLD
+
+
+def test_a_clearance_that_goes_over_to_another_part_while_the_relative_velocity_is_held(
+    car: Car,
+) -> None:
+    car.lead_acceleration = 0.5
+    car.drive(2.0)
+    start, held = car.number, car.velocity
+    for _ in range(200):
+        # Within its limits from scan to scan, as a radar that sees the car's front by and by.
+        car.clearance -= 0.07 * (car.number - start < 30)
+        car.step(relative_velocity_is=held)
+    assert car.faults_since(start) == {"radar", "relative_velocity"}
+
+
+@pytest.mark.parametrize(("wander", "period"), [(0.4, 4.0), (0.6, 5.0), (0.8, 8.0)])
+def test_a_lead_that_brakes_behind_a_held_relative_velocity_is_no_fault_of_the_clearance(
+    car: Car, wander: float, period: float
+) -> None:
+    def drive(seconds: float, **held: float) -> None:
+        for _ in range(round(seconds * 100)):
+            off = wander * sin(2.0 * pi * 0.01 * car.number / period)
+            car.step(clearance=off, **held)
+
+    drive(30.0)
+    car.lead_acceleration = 0.5
+    drive(3.0)
+    start, held = car.number, car.velocity
+    drive(1.0, relative_velocity_is=held)
+    car.lead_acceleration = -8.0
+    drive(2.0, relative_velocity_is=held)
+    for _ in range(20):
+        drive(0.1, relative_velocity_is=held)
+        now = car.outcomes[-1].reconstruction
+        off = abs(now.relative_velocity - car.velocity)
+        assert off < 2.5 or not now.relative_velocity_valid
+    assert car.faults_since(start) == {"radar", "relative_velocity"}
+
+
+def test_before_a_car_that_stands_a_held_relative_velocity_makes_no_held_clearance(
+    standing: Car,
+) -> None:
+    """It says that the clearance shrinks, which is the same for long, as it should be."""
+    start, clearance = standing.number, standing.clearance
+    standing.drive(5.0, host_speed_is=0.0, relative_velocity_is=-0.15, clearance_is=clearance)
+    assert "clearance" not in standing.faults_since(start)
+
+
+def test_before_a_car_that_stands_a_clearance_is_held_as_the_lead_drives_off(
+    standing: Car,
+) -> None:
+    start, clearance, standing.lead_acceleration = standing.number, standing.clearance, 1.0
+    standing.drive(2.0, host_speed_is=0.0, clearance_is=clearance)
+    assert standing.faults_since(start) == {"clearance", "radar"}
+    assert standing.outcomes[-1].report.clearance.kind == Kind.HOLD
+
+
+@pytest.mark.parametrize("drift", [0.5, -0.5, -1.0])
+def test_before_a_car_that_stands_a_relative_velocity_drifts_beside_a_clearance_that_stays(
+    standing: Car, drift: float
+) -> None:
+    """No lead comes driving backward, and one that drives off does so faster."""
+    start, clearance = standing.number, standing.clearance
+    for k in range(400):
+        drifted = 0.01 * k * drift
+        standing.step(host_speed_is=0.0, relative_velocity_is=drifted, clearance_is=clearance)
+    assert standing.faults_since(start) == {"relative_velocity", "radar"}
+    assert standing.outcomes[-1].report.relative_velocity.kind == Kind.RAMP
+
+
+def test_before_a_car_that_stands_a_relative_velocity_is_held_as_the_lead_drives_off(
+    standing: Car,
+) -> None:
+    standing.lead_acceleration = 1.5
+    standing.drive(1.2, host_speed_is=0.0)
+    start, held = standing.number, standing.seen[1]
+    standing.drive(2.0, host_speed_is=0.0, relative_velocity_is=held)
+    assert standing.faults_since(start) == {"relative_velocity", "radar"}
+    assert standing.delay("relative_velocity", start) <= 0.7
+    assert standing.outcomes[-1].report.relative_velocity.kind == Kind.HOLD
+
+
+def test_before_a_car_that_stands_a_lead_that_creeps_says_the_same(standing: Car) -> None:
+    """Slower than 0.5 m/s it may stand as well."""
+    standing.velocity, start = 0.4, standing.number
+    standing.drive(8.0, host_speed_is=0.0, relative_velocity_is=0.4)
+    assert not standing.faults_since(start)
+
+
+class WanderingCar(Car):
+    """Its radar sees now this, now that part of the lead."""
+
+    def step(self, **faults: float) -> Outcome:
+        beside = 0.2 * sin(2.0 * pi * 0.01 * self.number / 4.0)
+        return super().step(**{"clearance": beside, **faults})
+
+
+def test_a_held_relative_velocity_is_told_by_a_clearance_that_wanders() -> None:
+    """Its wandering counts once, and the less the longer the relative velocity says the same."""
+    car = WanderingCar()
+    car.drive(30.0)
+    assert not car.faults_since(0)
+    start, held, car.lead_acceleration = car.number, car.seen[1], -1.0
+    car.drive(2.5, relative_velocity_is=held)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+    assert car.delay("relative_velocity", start) <= 0.6
+
+
+def test_a_lead_whose_relative_velocity_was_faulty_tells_of_no_held_one(car: Car) -> None:
+    """It ends its braking while that is off; nobody saw it."""
+    car.lead_acceleration = -1.5
+    car.drive(1.5)
+    start = car.number
+    car.drive(1.0, relative_velocity=-10.0)
+    car.lead_acceleration = 0.0
+    car.drive(1.0, relative_velocity=-10.0)
+    car.drive(0.7)
+    held = car.seen[1]
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+    start = car.number
+    car.drive(1.0, relative_velocity_is=held)
+    assert not car.faults_since(start)
+
+
+def test_a_clearance_that_was_off_as_it_began_tells_of_no_held_relative_velocity(car: Car) -> None:
+    """It comes back to another part of the lead."""
+    car.velocity = 1.0
+    car.drive(2.0)
+    start = car.number
+    car.drive(3.0, clearance=4.0)
+    car.drive(0.3, clearance=4.0, relative_velocity_is=1.0)
+    car.drive(0.9, clearance=0.5, relative_velocity_is=1.0)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
+@pytest.mark.parametrize("off", [0.9, 3.7])
+def test_without_host_speed_one_scan_convicts_no_relative_velocity_that_rests(off: float) -> None:
+    """Behind a standing lead it says zero for long."""
+    car = Car(host_speed=False)
+    car.drive(12.0)
+    start, still = car.number, {"relative_velocity_is": 0.0}
+    car.drive(4.0, **still)
+    car.drive(0.05, clearance=off, **still)
+    car.drive(2.0, **still)
+    assert not car.faults_since(start)
+    # What goes on being off is not the relative velocity's rest.
+    for _ in range(200):
+        car.velocity = 2.0
+        car.step(**still)
+    assert "relative_velocity" in car.faults_since(start)
+
+
+@pytest.mark.parametrize(
+    ("times", "check", "faults"),
+    [
+        (2, True, set()),
+        (5, True, set()),
+        (5, False, {"clearance", "radar"}),
+        (12, True, {"clearance", "relative_velocity", "radar"}),
+    ],
+)
+def test_a_message_that_is_sent_again_for_a_moment_tells_nothing(times, check, faults) -> None:
+    """Nor does the lead's braking end with it; what is sent for longer is held."""
+    car = Car(check_repetition=check)
+    car.clearance, car.velocity = 150.0, -14.0
+    car.drive(4.0)
+    car.lead_acceleration = -5.0
+    car.drive(0.5)
+    start = car.number
+    while car.number % SCAN:
+        car.step()
+    said = {"clearance_is": car.clearance, "relative_velocity_is": car.velocity}
+    car.drive(0.05 * times, **said)
+    car.drive(1.0)
+    assert car.faults_since(start) == faults
+
+
+def test_a_calm_target_is_not_held_because_another_one_moved(car: Car) -> None:
+    """A radar of coarse steps, whose relative velocity is the same from a target's first scan."""
+    car.track_id, car.clearance, car.velocity = 2, 80.0, -8.0
+    for _ in range(600):
+        car.step(relative_velocity_is=-8.0 + 0.05 * round(0.8 * car.random.normal()))
+    start = car.number
+    car.track_id, car.clearance, car.velocity = 3, 60.0, -1.0
+    report = car.drive(1.2, relative_velocity_is=-1.0).report
+    assert report.relative_velocity.state == State.OK
+    assert not car.faults_since(start)
+
+
+def test_a_radar_that_says_the_same_again_and_again_is_told_and_believed_again(car: Car) -> None:
+    """Both signals are held while the lead brakes: what they taught the track is taken back."""
+    car.lead_acceleration = -1.0
+    car.drive(1.0)
+    start = car.number
+    clearance, velocity = car.seen
+    judged = 0
+    for _ in range(300):
+        outcome = car.step(clearance_is=clearance, relative_velocity_is=velocity)
+        now = outcome.reconstruction
+        valid = now.clearance_valid and now.relative_velocity_valid
+        if valid and outcome.report.clearance.state == State.FAULT:
+            judged += 1
+            assert abs(now.clearance - car.clearance) < 2.0 * now.clearance_std
+            assert abs(now.relative_velocity - car.velocity) < 2.0 * now.relative_velocity_std
+    assert judged > 100
+    assert car.faults_since(start) == {"clearance", "relative_velocity", "radar"}
+    last = car.outcomes[-1]
+    assert {last.report.clearance.kind, last.report.relative_velocity.kind} == {Kind.HOLD}
+    end = car.number
+    report = car.drive(1.5).report
+    assert {report.clearance.state, report.relative_velocity.state} == {State.OK}
+    assert not car.faults_since(end)
+
+
+@pytest.mark.parametrize("offset", [2.0, -4.0])
+def test_a_steady_lead_behind_a_faulty_clearance_is_no_held_radar(offset) -> None:
+    """A relative velocity in coarse steps says the same again and again where nothing changes."""
+    car = Car()
+    for _ in range(2500):
+        seen = 0.1 * round(car.random.normal(0.0, 0.05) / 0.1)
+        car.step(relative_velocity_is=seen)
+    start = car.number
+    car.drive(1.5, clearance=offset, relative_velocity_is=0.1)
+    assert car.faults_since(start) - {"radar"} == {"clearance"}
+
+
+def test_one_step_of_a_coarse_relative_velocity_is_no_leap_to_zero() -> None:
+    """Such a sensor says zero for seconds."""
+    car = Car()
+    for k in range(500):
+        car.drive(0.05, relative_velocity_is=-0.25 if k % 8 == 0 else 0.0)
+    start = car.number
+    car.drive(0.25, relative_velocity_is=-0.25)
+    car.drive(2.5, relative_velocity_is=0.0)
+    assert not car.faults_since(start)

@@ -1,0 +1,460 @@
+"""The robust profile without ROS: other cars, other ids, a lead that is not seen for a moment."""
+
+from math import nan
+
+import pytest
+from robust_car import SCAN, Car
+
+from lfd_diagnosis.verdict import Kind, State
+
+
+def test_a_new_id_of_the_same_car_restarts_nothing(car: Car) -> None:
+    start = car.number
+    for track in range(2, 12):
+        car.track_id = track
+        car.drive(0.3)
+    states = {outcome.report.clearance.state for outcome in car.outcomes[start:]}
+    assert states <= {State.OK, State.SUSPECT} and not car.faults_since(start)
+
+
+def test_a_new_car_is_judged_from_its_third_scan_on(car: Car) -> None:
+    start = car.number
+    car.track_id, car.clearance = 2, 18.0
+    car.drive(0.5)
+    states = [outcome.report.clearance.state for outcome in car.outcomes[start:]]
+    assert State.NOT_READY in states and states[-1] == State.OK
+    assert states.count(State.NOT_READY) <= 2 * SCAN and not car.faults_since(start)
+
+
+def test_after_a_lost_reference_a_new_car_must_agree_for_long(car: Car) -> None:
+    car.drive(1.0, clearance=4.0)
+    car.track_id, car.clearance = 2, 60.0
+    verdict = car.drive(1.0).report.clearance
+    assert verdict.state == State.FAULT and "reference lost" in verdict.reason
+    start = car.number
+    car.drive(5.0)
+    cleared = [o.report.clearance.state for o in car.outcomes[start:]].index(State.OK)
+    assert 3.5 <= cleared * 0.01 <= 5.0
+    assert not car.faults_since(start)
+
+
+def test_what_was_held_tells_nothing_of_another_car(car: Car) -> None:
+    car.lead_acceleration = 1.0
+    car.drive(2.0)
+    car.drive(1.0, clearance_is=car.clearance)
+    car.lead_acceleration = 0.0
+    held = car.outcomes[-1].report.clearance
+    assert held.state == State.FAULT and held.kind == Kind.HOLD
+    was, car.track_id, car.clearance, car.velocity = car.seen[0], 2, 60.0, -4.0
+    outcome = car.drive(1.0, clearance_is=was)
+    verdict = outcome.report.clearance
+    assert verdict.state == State.FAULT
+    assert "reference lost: a new target must agree for 0.5 s" in verdict.reason
+    assert not outcome.reconstruction.clearance_valid
+    # It would show that it is held: soon after it no longer does, it is believed.
+    start = car.number
+    car.drive(0.4)
+    assert car.outcomes[-1].report.clearance.state == State.FAULT
+    outcome = car.drive(0.4)
+    assert outcome.report.clearance.state == State.OK
+    assert outcome.reconstruction.clearance == pytest.approx(car.clearance, abs=0.3)
+    car.drive(3.0)
+    assert not car.faults_since(start)
+
+
+def test_a_drift_of_the_clearance_that_goes_on_with_another_car_ends(car: Car) -> None:
+    for k in range(800):
+        if k == 500:
+            car.track_id, car.clearance, car.velocity = 2, 60.0, -4.0
+            car.lead_acceleration = 0.5
+        outcome = car.step(clearance=0.005 * k)
+    assert outcome.report.clearance.kind == Kind.RAMP
+    assert "reference lost" in outcome.report.clearance.reason
+    # Its jump back is no longer seen as one: its agreement with itself must do.
+    car.drive(4.5)
+    assert car.outcomes[-1].report.clearance.state == State.FAULT
+    start = car.number
+    outcome = car.drive(1.0)
+    assert outcome.report.clearance.state == State.OK
+    assert outcome.reconstruction.clearance == pytest.approx(car.clearance, abs=0.3)
+    car.drive(3.0)
+    assert not car.faults_since(start)
+
+
+def test_an_offset_goes_on_with_another_car_until_it_ends(car: Car) -> None:
+    both = {"clearance": 4.0, "relative_velocity": -10.0}
+    car.drive(1.0, **both)
+    car.track_id, car.clearance, car.velocity = 2, 60.0, 1.0
+    start = car.number
+    for _ in range(200):
+        now = car.step(**both).reconstruction
+    report = car.outcomes[-1].report
+    assert report.clearance.state == report.relative_velocity.state == State.FAULT
+    assert "reference lost: a new target must agree for 5 s" in report.clearance.reason
+    assert not car.faults_since(start)
+    assert now.clearance == pytest.approx(car.clearance, abs=0.5)
+    assert now.relative_velocity == pytest.approx(car.velocity, abs=0.5)
+    end = car.number
+    report = car.drive(1.5).report
+    assert report.clearance.state == report.relative_velocity.state == State.OK
+    assert not car.faults_since(end)
+
+
+def test_an_offset_that_ended_before_another_car_came_does_not_go_on(car: Car) -> None:
+    car.drive(1.0, relative_velocity=2.0)
+    car.drive(0.3)
+    assert car.outcomes[-1].report.relative_velocity.state == State.FAULT, "not believed yet"
+    car.track_id, car.clearance, car.velocity = 2, 60.0, 1.0
+    start = car.number
+    assert car.drive(0.5).report.relative_velocity.state == State.OK
+    assert not car.faults_since(start)
+
+
+def test_a_relative_velocity_that_is_off_from_the_first_scan_of_another_car_is_named(car) -> None:
+    """What contradicts it is a straight line, as a drift of the clearance is: but no slow one."""
+    car.track_id, car.clearance, car.velocity = 2, 60.0, 1.0
+    start = car.number
+    verdict = car.drive(3.0, relative_velocity=2.0).report.relative_velocity
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+    assert verdict.kind == Kind.OFFSET and verdict.size == pytest.approx(2.0, abs=0.3)
+    end = car.number
+    assert car.drive(1.5).report.relative_velocity.state == State.OK
+    assert not car.faults_since(end)
+
+
+def test_a_drift_that_begins_with_another_car_is_the_clearances(car: Car) -> None:
+    car.track_id, car.clearance = 2, 60.0
+    start = car.number
+    for k in range(500):
+        car.step(clearance=0.6 * k * 0.01)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
+def test_what_was_off_from_the_first_scan_on_ends_with_the_other_signals_fault(car: Car) -> None:
+    """Nobody saw the clearance jump away; its jump back is no fault."""
+    car.track_id, car.clearance = 2, 60.0
+    start = car.number
+    car.drive(3.0, clearance=4.0, relative_velocity=-10.0)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+    end = car.number
+    report = car.drive(1.5).report
+    assert report.clearance.state == report.relative_velocity.state == State.OK
+    assert not car.faults_since(end)
+
+
+@pytest.mark.parametrize("missing", ["clearance", "relative_velocity"])
+@pytest.mark.parametrize("known", [True, False])
+def test_another_car_is_no_fault_of_the_signal_that_is_there(car: Car, missing, known) -> None:
+    """Whether its id says that it is another, or a second without either signal before it."""
+    off = {f"{missing}_is": nan}
+    car.drive(1.0, **off)
+    if known:
+        car.track_id = 2
+    else:
+        car.radar_silent = True
+        car.drive(1.2)
+        car.radar_silent = False
+    car.clearance, car.velocity = 50.0, 6.0
+    start = car.number
+    report = car.drive(1.0, **off).report
+    there = report.relative_velocity if missing == "clearance" else report.clearance
+    assert there.state == State.NOT_READY and not car.faults_since(start)
+    report = car.drive(1.0).report
+    assert report.clearance.state == report.relative_velocity.state == State.OK
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize("missing", ["clearance", "relative_velocity"])
+def test_the_same_car_under_another_id_goes_on_with_one_signal(car: Car, missing: str) -> None:
+    there = "relative_velocity" if missing == "clearance" else "clearance"
+    start = car.number
+    car.drive(0.5, **{f"{missing}_is": nan})
+    car.track_id = 2
+    car.drive(0.5, **{f"{missing}_is": nan})
+    states = {getattr(outcome.report, there).state for outcome in car.outcomes[start:]}
+    assert states == {State.OK}
+
+
+def test_a_radar_may_get_the_first_scan_of_another_car_wrong(car: Car) -> None:
+    start = car.number
+    car.track_id, car.clearance = 2, 60.0
+    car.drive(0.01 * SCAN, relative_velocity=-1.5)
+    report = car.drive(1.0).report
+    assert report.clearance.state == report.relative_velocity.state == State.OK
+    assert not car.faults_since(start)
+
+
+def test_another_id_of_the_same_car_lies_where_it_is_seen(car: Car) -> None:
+    start = car.number
+    car.track_id = 2
+    car.drive(0.01 * SCAN, clearance=1.2)
+    assert car.drive(1.0, clearance=1.5).report.clearance.state == State.OK
+    assert not car.faults_since(start)
+
+
+def see(car: Car, track_id: int, clearance: float, velocity: float, scans: int, **exactly: float):
+    """Some scans of a target; `exactly`: what is said of it without noise."""
+    car.track_id, car.clearance, car.velocity = track_id, clearance, velocity
+    for _ in range(scans):
+        car.drive(0.01 * SCAN, **exactly)
+
+
+@pytest.mark.parametrize("velocity", [-0.5, 0.0])
+def test_two_cars_of_the_same_speed_hold_no_relative_velocity(car: Car, velocity: float) -> None:
+    start, said = car.number, {"relative_velocity_is": velocity}
+    see(car, 1, 30.0, velocity, 3, **said)
+    see(car, 2, 60.0, velocity, 2, **said)
+    see(car, 1, 30.0 + 0.25 * velocity, velocity, 8, **said)
+    assert not car.faults_since(start)
+
+
+def test_an_id_that_is_another_cars_by_now_is_no_fault(car: Car) -> None:
+    see(car, 2, 60.0, 6.0, 20)
+    start = car.number
+    see(car, 1, 30.0, 0.0, 4)
+    see(car, 2, 95.0, 6.0, 20)
+    assert car.outcomes[-1].report.clearance.state == State.OK
+    assert not car.faults_since(start)
+
+
+def test_a_car_that_was_hardly_seen_is_not_remembered(car: Car) -> None:
+    """Its first two scans say little of its acceleration."""
+    start = car.number
+    see(car, 2, 60.0, 5.0, 1)
+    see(car, 2, 60.3, 5.7, 1)
+    see(car, 1, 30.0, 0.0, 4)
+    see(car, 2, 61.7, 5.2, 20)
+    assert car.outcomes[-1].report.relative_velocity.state == State.OK
+    assert not car.faults_since(start)
+
+
+def test_an_id_that_comes_back_soon_is_still_the_same_car(car: Car) -> None:
+    """What is off then is a fault."""
+    see(car, 2, 60.0, 0.0, 20)
+    start = car.number
+    see(car, 1, 30.0, 0.0, 2)
+    see(car, 2, 64.0, 0.0, 3)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
+def lose_the_lead(car: Car, seconds: float) -> None:
+    """For so long a radar that does not see it goes on from what it knew."""
+    clearance, velocity = car.clearance, car.velocity
+    for step in range(round(seconds * 100)):
+        car.step(clearance_is=clearance + 0.01 * step * velocity, relative_velocity_is=velocity)
+
+
+@pytest.mark.parametrize("acceleration", [2.0, -2.0])
+def test_a_lead_that_is_not_seen_while_it_changes_its_speed_is_no_held_radar(
+    car: Car, acceleration: float
+) -> None:
+    """The clearance goes on as the relative velocity says, as no measured one does."""
+    car.lead_acceleration = acceleration
+    car.drive(1.0)
+    start = car.number
+    lose_the_lead(car, 0.48)
+    car.drive(1.0)
+    assert not car.faults_since(start)
+    # A measured one does not go so.
+    start = car.number
+    car.drive(0.48, relative_velocity_is=car.seen[1])
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+
+
+def test_without_a_clearance_nothing_says_that_the_lead_is_not_seen(car: Car) -> None:
+    car.lead_acceleration = 2.0
+    car.drive(1.0)
+    start = car.number
+    car.drive(0.48, relative_velocity_is=car.seen[1], clearance_is=nan)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+
+
+@pytest.mark.parametrize(
+    ("braking", "seconds", "faulty"),
+    [
+        (-3.0, 0.4, set()),
+        (-4.0, 0.3, set()),
+        (-5.0, 0.4, {"relative_velocity", "radar"}),
+        (-2.0, 0.6, {"relative_velocity", "radar"}),
+    ],
+)
+def test_a_radar_that_lost_its_lead_for_a_moment_catches_up(
+    car: Car, braking: float, seconds: float, faulty: set[str]
+) -> None:
+    """What it says then is the lead's, as far as one may have begun to brake meanwhile."""
+    start, car.lead_acceleration = car.number, braking
+    lose_the_lead(car, seconds)
+    car.lead_acceleration = 0.0
+    assert abs(car.velocity) > 1.0, "more than its limit"
+    car.drive(3.0)
+    assert car.faults_since(start) == faulty
+
+
+@pytest.mark.parametrize("repeats", [0, 1, 2, 3])
+def test_an_offset_after_a_few_equal_values_is_no_lead_that_was_not_seen(
+    car: Car, repeats: int
+) -> None:
+    """No radar goes on for less than four scans, and two of them are alike by coincidence."""
+    while car.number % SCAN:
+        car.step()
+    car.drive(0.05 * (repeats + 1), relative_velocity_is=car.velocity)
+    start = car.number
+    car.drive(0.5, relative_velocity=0.95)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+
+
+def test_where_repetition_tells_nothing_no_radar_catches_up() -> None:
+    car = Car(check_repetition=False)
+    car.drive(12.0)
+    start, car.lead_acceleration = car.number, -3.0
+    lose_the_lead(car, 0.4)
+    car.drive(0.5)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+
+
+@pytest.mark.parametrize("jump", [-1.2, 1.5])
+def test_a_radar_that_saw_its_lead_all_along_has_nothing_to_catch_up(car: Car, jump: float) -> None:
+    start = car.number
+    car.drive(1.0, relative_velocity=jump)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+
+
+def test_a_lead_that_rests_after_a_moment_unseen_is_no_held_clearance(standing: Car) -> None:
+    """How far it went in that moment is a guess as good as how fast it was before."""
+    for acceleration in (-1.0, 0.8):
+        standing.lead_acceleration = acceleration
+        standing.drive(1.0)
+    still = {"clearance_is": standing.clearance, "relative_velocity_is": 0.0}
+    start, standing.lead_acceleration, standing.velocity = standing.number, 0.0, 0.0
+    standing.drive(0.15, **still)
+    standing.radar_silent = True
+    standing.drive(0.95)
+    standing.radar_silent = False
+    standing.drive(0.5, **still)
+    assert not standing.faults_since(start)
+
+
+@pytest.mark.parametrize("track_id", [1, -1])
+@pytest.mark.parametrize(
+    ("clearance", "velocity"), [(50.0, 15.0), (80.0, 1.5), (50.0, 0.3), (24.5, -15.0)]
+)
+def test_another_car_under_the_same_id_is_no_fault(track_id, clearance, velocity) -> None:
+    """Radars give the id of a target that is gone to the next one, from one scan to the next."""
+    car = Car()
+    car.track_id = track_id
+    car.drive(8.0)
+    start = car.number
+    for car.clearance, car.velocity in ((clearance, velocity), (30.0, 0.0)):
+        report = car.drive(1.0).report
+        assert report.clearance.state == report.relative_velocity.state == State.OK
+    assert not car.faults_since(start)
+    car.drive(1.0, clearance=2.0)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
+@pytest.mark.parametrize(
+    ("velocity", "jump", "faults"),
+    [
+        (-15.0, 14.0, set()),
+        (-15.0, 10.0, {"clearance", "radar"}),
+        (-12.0, 14.0, {"clearance", "radar"}),
+    ],
+)
+def test_something_else_that_stands_is_no_fault(car: Car, velocity, jump, faults) -> None:
+    """What stands is all equally fast: the relative velocity does not tell one from another."""
+    car.track_id, car.clearance, car.velocity = 2, 90.0, velocity
+    car.drive(2.0)
+    start = car.number
+    car.clearance += jump
+    car.drive(1.0)
+    assert car.faults_since(start) == faults
+
+
+def test_cars_that_follow_one_another_under_one_id_are_no_fault(car: Car) -> None:
+    """Not even where the first scans of each lie beside those that follow."""
+    start = car.number
+    for clearance, velocity, scans in ((70.0, -17.0, 1), (25.0, 12.0, 3), (45.0, 8.0, 30)):
+        car.clearance, car.velocity = clearance, velocity
+        car.drive(0.01 * SCAN, clearance=0.6)
+        car.drive(0.01 * SCAN * scans)
+    assert not car.faults_since(start)
+    assert car.drive(0.5).report.clearance.state == State.OK
+
+
+@pytest.mark.parametrize(
+    ("jump", "slower", "faults"),
+    [
+        (5.0, 0.0, {"clearance", "radar"}),
+        (5.0, 0.2, {"clearance", "radar"}),
+        (5.0, 0.6, set()),
+        (2.9, 0.6, {"clearance", "radar"}),
+        (8.0, 0.0, set()),
+    ],
+)
+def test_another_car_some_missed_scans_later_is_no_fault(car: Car, jump, slower, faults) -> None:
+    """It is known as such by its relative velocity, too, where that differs."""
+    start = car.number
+    car.radar_silent = True
+    car.drive(0.15)
+    car.radar_silent = False
+    car.clearance += jump
+    car.velocity -= slower
+    car.drive(1.0)
+    assert car.faults_since(start) == faults
+
+
+def test_a_fault_of_both_signals_some_missed_scans_later_is_one(car: Car) -> None:
+    start = car.number
+    car.radar_silent = True
+    car.drive(0.15)
+    car.radar_silent = False
+    car.drive(0.4, clearance=4.0, relative_velocity=-10.0)
+    assert car.faults_since(start) == {"clearance", "relative_velocity", "radar"}
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"clearance": 20.0},
+        {"clearance": 20.0, "relative_velocity": -10.0},
+        {"clearance": 4.0, "relative_velocity": -10.0},
+        {"relative_velocity": -10.0},
+        {"clearance_is": 0.0, "relative_velocity_is": 0.0},
+    ],
+)
+def test_a_large_fault_does_not_pass_for_another_car(car: Car, fault) -> None:
+    """Its clearance goes on as before, whatever the relative velocity says."""
+    car.velocity = 2.0
+    car.track_id = 2
+    car.drive(2.0)
+    start = car.number
+    car.drive(2.0, **fault)
+    named = {name.removesuffix("_is") for name in fault}
+    assert car.faults_since(start) == named | {"radar"}
+    assert all(car.delay(name, start) <= 0.2 for name in named)
+
+
+def test_without_ids_another_car_is_told_by_what_it_says_of_itself() -> None:
+    """Where it is so near that it could be a fault as well."""
+    car = Car()
+    car.track_id = -1
+    car.drive(8.0)
+    car.clearance, car.velocity = car.clearance + 4.0, 3.0
+    verdict = car.drive(1.0).report.radar
+    assert verdict.state == State.FAULT, "nobody knows yet"
+    car.drive(9.0)
+    states = {outcome.report.radar.state for outcome in car.outcomes[-50:]}
+    assert states == {State.OK}
+    start = car.number
+    car.drive(1.0, clearance=4.0)
+    assert "clearance" in car.faults_since(start)
+
+
+def test_without_ids_a_fault_of_both_signals_does_not_pass_for_another_car() -> None:
+    car = Car()
+    car.track_id = -1
+    car.drive(8.0)
+    start = car.number
+    car.drive(12.0, clearance=4.0, relative_velocity=-10.0)
+    states = [outcome.report.clearance.state for outcome in car.outcomes[start + 20 :]]
+    assert set(states) == {State.FAULT}
