@@ -5,7 +5,7 @@ from random import Random
 
 import numpy as np
 import pytest
-from robust_car import Car
+from robust_car import SCAN, Car
 
 from lfd_diagnosis.verdict import Kind, State
 
@@ -462,3 +462,25 @@ def test_a_jump_that_fades_is_over(car: Car) -> None:
     for k in range(800):
         car.step(acceleration=4.0 - 0.005 * k)
     assert car.drive(3.0).report.acceleration.state == State.OK
+
+
+@pytest.mark.parametrize("seed", [2, 5, 9, 12, 13, 18, 19])
+def test_a_speed_that_jumps_for_a_moment_does_not_end_a_jump_of_the_accelerometer(seed) -> None:
+    """As one does that is noisy, and comes in steps of 0.15 m/s."""
+    car, noise, said = Car(), np.random.default_rng(seed), 15.0
+
+    def drive(seconds: float, offset: float) -> list[State]:
+        nonlocal said
+        begin = len(car.outcomes)
+        for _ in range(round(100 * seconds)):
+            acceleration = 1.5 * sin(0.01 * car.number)
+            car.speed += 0.01 * acceleration
+            if car.number % SCAN == 0:
+                said = 0.15 * round((car.speed + 0.18 * noise.normal()) / 0.15)
+            car.step(acceleration=acceleration + offset, host_speed_is=said)
+        return [outcome.report.acceleration.state for outcome in car.outcomes[begin:]]
+
+    drive(25.0, 0.0)
+    states = drive(8.0, 2.0)
+    assert set(states[states.index(State.FAULT) :]) == {State.FAULT}
+    assert State.FAULT not in drive(3.0, 0.0)[150:]

@@ -102,8 +102,9 @@ LEAST, FADED_STEPS = 0.6, 50
 """m/s^2 within which an acceleration that jumped must come back, and for how many steps if it did
 not come back at once."""
 
-BACK, BACK_STEPS = 0.65, 5
-"""Share of a fault by which it must jump back, and for how many steps, to be over."""
+BACK, BACK_STEPS, STILL_THERE = 0.65, 5, 0.75
+"""Share of a fault by which it must jump back, and for how many steps, to be over; and share of it
+that for as many steps shows that it did not."""
 
 UNDER_JUMP, LARGEST_RATE, LARGEST_SLOPE = 1.0, 0.5, 1.5
 """Time constant in s with which the slope is followed under a jump, and by how many m/s^3 and m/s^2
@@ -343,12 +344,21 @@ def _still_off(monitor, settings, off):
     least = LEAST if monitor.kind == Kind.OFFSET else settings.acceleration_limit
     limit = max(0.5 * abs(monitor.off), least)
     _follow_baseline(monitor, off)
-    step = (off - monitor.baseline) * (1.0 if monitor.off > 0 else -1.0)
-    back = step < -BACK * abs(monitor.off) and abs(monitor.off) > LEAST
-    monitor.back_for = monitor.back_for + 1 if back else 0
-    if monitor.back_for >= BACK_STEPS and not monitor.settling:
-        # What made the fault was undone; how the slope has changed meanwhile is felt in a moment.
-        monitor.settling, monitor.undone = True, monitor.baseline - monitor.size
+    if monitor.settling:
+        # It may have been the speed that jumped for a moment, as one does that comes in steps.
+        still = off - monitor.undone > STILL_THERE * monitor.size
+        if monitor.size < 0.0:
+            still = off - monitor.undone < STILL_THERE * monitor.size
+        monitor.back_for = monitor.back_for - 1 if still else BACK_STEPS
+        monitor.settling = monitor.back_for > 0
+    else:
+        step = (off - monitor.baseline) * (1.0 if monitor.off > 0 else -1.0)
+        back = step < -BACK * abs(monitor.off) and abs(monitor.off) > LEAST
+        monitor.back_for = monitor.back_for + 1 if back else 0
+        if monitor.back_for >= BACK_STEPS:
+            # What made the fault was undone; how the slope has changed meanwhile is felt in a
+            # moment.
+            monitor.settling, monitor.undone = True, monitor.baseline - monitor.size
     faded = abs(off - monitor.slope_before) < min(abs(residual), LEAST)
     monitor.faded_for = monitor.faded_for + 1 if faded else 0
     if monitor.faded_for >= FADED_STEPS:
