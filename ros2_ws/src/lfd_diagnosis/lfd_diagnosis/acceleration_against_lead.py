@@ -116,7 +116,9 @@ def follow_lead(monitor, relative_acceleration):
     monitor.relative_now = now
     monitor.relative_slow += RELATIVE_SHARE * (now - monitor.relative_slow)
     monitor.lead = monitor.filtered + now
-    if not (monitor.confidence or monitor.jumped_for or monitor.faulty):
+    # After a silence in its fault nothing that it says is the lead's.
+    unknown = monitor.faulty and isnan(monitor.lead_slow)
+    if not (monitor.confidence or monitor.jumped_for or unknown):
         append(monitor.lead_recent, monitor.lead)
         if isnan(monitor.lead_slow):
             monitor.lead_slow = monitor.lead
