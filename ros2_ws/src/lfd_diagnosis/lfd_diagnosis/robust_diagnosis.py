@@ -36,6 +36,7 @@ from lfd_diagnosis.radar_state import (
     radar_deviations,
     restart_radar,
     start_radar,
+    start_target,
 )
 from lfd_diagnosis.report_book import BOOK, enter_outcome
 from lfd_diagnosis.verdict import Kind, State, outcome_kind
@@ -143,8 +144,11 @@ def _follow_time(state, settings, horizon):
         if silent:
             coast_acceleration(host)
         coast_radar(radar, settings, host.acceleration, host.jolt)
-    # Stamps may as well have jumped: where the lead is not where it would be, it is another one.
-    radar.unseen = radar.unseen or silent
+    if silent and is_radar_faulty(radar):
+        # Stamps may as well have jumped: a lead that is not where it would be is another one.
+        radar.unseen = True
+    elif silent:
+        start_target(radar, settings)
     return False
 
 
