@@ -33,6 +33,7 @@ from lfd_replay.evaluation.kalman import KalmanGate, LeadModel
 from lfd_replay.evaluation.normal_driving import lead_acceleration, scan_deviations
 from lfd_replay.evaluation.requirements import campaign as requirements
 from lfd_replay.evaluation.requirements import plan
+from lfd_replay.evaluation.requirements.windows import WATCHED, Seen, false_events
 from lfd_replay.evaluation.statistics import median, rate
 from lfd_replay.evaluation.summary import case_rows, equal_rows, summary, tables
 from lfd_replay.evaluation.trace import JUDGED, Trace, load_trace, record_trace
@@ -165,6 +166,32 @@ def double(value: int) -> int:
     if value < 0:
         raise ValueError("negative")
     return 2 * value
+
+
+def test_a_fault_that_goes_on_after_a_silence_is_no_false_event_and_one_after_it_is() -> None:
+    times = np.arange(0.0, 12.0, 0.1)
+    none = np.zeros(len(times), dtype=bool)
+
+    def within(*spans: tuple[float, float]) -> np.ndarray:
+        return np.any([(times > a - 0.05) & (times < b - 0.05) for a, b in spans], axis=0)
+
+    # Faulty from 2 s to 4 s, then silent for 2 s; called faulty until 6.5 s and once more at 9 s.
+    flags = within((1.0, 1.2), (2.1, 4.0), (6.0, 6.5), (9.0, 9.2))
+    silent = within((4.0, 6.0))
+    by_signal = {name: none for name in WATCHED}
+    seen = Seen(
+        times,
+        np.zeros(len(times), dtype=np.int64),
+        by_signal | {"clearance": flags},
+        {name: ~none for name in WATCHED},
+        by_signal | {"clearance": silent},
+        *({name: np.full(len(times), np.nan) for name in WATCHED} for _ in range(3)),
+        np.full((len(times), 3), np.nan),
+        np.full((len(times), 3), np.nan),
+    )
+    faults = parse_faults(["offset:clearance=4@2-4"])
+    assert false_events(seen, faults) == {name: [] for name in WATCHED} | {"clearance": [1.0, 9.0]}
+    assert false_events(seen, [])["clearance"] == [1.0, 2.1, 6.0, 9.0]
 
 
 def test_a_run_goes_on_where_it_stopped(tmp_path: Path) -> None:

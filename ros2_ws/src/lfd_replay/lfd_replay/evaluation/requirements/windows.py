@@ -244,7 +244,7 @@ def run_windows(run: Run, recorded: Path | None) -> dict[str, dict]:
     return {
         profile: {
             "windows": [_window(view, error, healthy, fault) for fault in faults],
-            "false": _false_events(view, faults),
+            "false": false_events(view, faults),
             "ready": {
                 name: float(ready[view.times > 1.0].mean()) for name, ready in view.ready.items()
             },
@@ -254,7 +254,7 @@ def run_windows(run: Run, recorded: Path | None) -> dict[str, dict]:
     }
 
 
-def _false_events(view: Seen, faults: list[Fault]) -> dict[str, list[float]]:
+def false_events(view: Seen, faults: list[Fault]) -> dict[str, list[float]]:
     """Beginnings of flags outside of all faults and what follows them, by signal, in s.
 
     What follows a fault: the second after it, and all until the signal is judged healthy. A flag
