@@ -129,7 +129,8 @@ def start_robust(state, settings):
 
 @inner
 def _follow_time(state, settings, horizon):
-    """Coast through steps that are missing, and start anew where time does (true then)."""
+    """Coast through steps that are missing; whether signals must be judged anew after it, as where
+    time begins anew."""
     radar, host = state.radar, state.acceleration
     steps = (horizon.stamp - state.last_stamp) // STEP_NS if state.begun else 0
     had_begun = state.begun
@@ -149,7 +150,7 @@ def _follow_time(state, settings, horizon):
         radar.unseen = True
     elif silent:
         start_target(radar, settings)
-    return False
+    return silent
 
 
 @inner

@@ -79,8 +79,9 @@ def outcome_kind(evidence: np.dtype) -> np.dtype:
     """Everything that is said after one step, as a record; `evidence` is the profile's.
 
     `changed` are the verdicts whose state has, as bits in the order of `VERDICTS`; `old_state`
-    and `old_since` what they were before; `starts_anew` where nothing from before this step counts;
-    `radar_is_velocity` where the radar's verdict is that on the relative velocity.
+    and `old_since` what they were before; `starts_anew` where nothing from before this step counts,
+    or no more than what was learnt and is faulty; `radar_is_velocity` where the radar's verdict is
+    that on the relative velocity.
     """
     return np.dtype(
         [
