@@ -346,9 +346,7 @@ def _still_off(monitor, settings, off):
     _follow_baseline(monitor, off)
     if monitor.settling:
         # It may have been the speed that jumped for a moment, as one does that comes in steps.
-        still = off - monitor.undone > STILL_THERE * monitor.size
-        if monitor.size < 0.0:
-            still = off - monitor.undone < STILL_THERE * monitor.size
+        still = (off - monitor.undone) / monitor.undone_by > STILL_THERE
         monitor.back_for = monitor.back_for - 1 if still else BACK_STEPS
         monitor.settling = monitor.back_for > 0
     else:
@@ -358,7 +356,8 @@ def _still_off(monitor, settings, off):
         if monitor.back_for >= BACK_STEPS:
             # What made the fault was undone; how the slope has changed meanwhile is felt in a
             # moment.
-            monitor.settling, monitor.undone = True, monitor.baseline - monitor.size
+            monitor.settling, monitor.undone_by = True, monitor.size
+            monitor.undone = monitor.baseline - monitor.size
     faded = abs(off - monitor.slope_before) < min(abs(residual), LEAST)
     monitor.faded_for = monitor.faded_for + 1 if faded else 0
     if monitor.faded_for >= FADED_STEPS:

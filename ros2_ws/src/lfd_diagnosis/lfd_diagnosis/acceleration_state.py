@@ -139,6 +139,7 @@ ACCELERATION = np.dtype(
         ("back_for", "i8"),
         ("settling", "?"),
         ("undone", "f8"),
+        ("undone_by", "f8"),
         ("agreeing", "f8"),
     ],
     align=True,
@@ -148,8 +149,9 @@ ACCELERATION = np.dtype(
 
 `taken` (m/s^2): the newest sample that was taken; while newer ones leap from it, since `leapt_at`
 (s), they are `doubted`. `felt` (m/s^2): the mean of what a faulty one and the speed differ by;
-`undone` (m/s^2): what that would be as a jump has just been undone, if all of it was. `before`,
-`relative_before` (m/s^2): the samples and `relative_slow` as a jump without host speed began.
+`undone` (m/s^2): what that would be as a jump, of `undone_by`, has just been undone, if all of it
+was. `before`, `relative_before` (m/s^2): the samples and `relative_slow` as a jump without host
+speed began.
 `shaking` (m/s^2): the deviation of single samples just now, by the `newest` ones.
 """
 
