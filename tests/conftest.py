@@ -81,11 +81,8 @@ def car(ready_car: Car) -> Car:
 @pytest.fixture
 def standing(car: Car) -> Car:
     """The car has come to rest, and its wheels say so."""
-    start, braking = car.number, 0.0
-    while car.speed > 0.02:
-        braking = max(braking - 0.02, -2.0)
-        car.speed += 0.01 * braking
-        car.step(acceleration=braking)
+    start = car.number
+    car.brake(0.02, 2.0, to=0.02)
     car.speed = 0.0
     car.drive(3.0, host_speed_is=0.0)
     assert not car.faults_since(start)

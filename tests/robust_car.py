@@ -12,8 +12,6 @@ from lfd_observer.bank import ObserverBank
 from lfd_observer.settings import BankSettings
 
 SCAN = 5
-
-
 """Steps between two scans."""
 
 
@@ -90,6 +88,14 @@ class Car:
         """Drive on while no input arrives at all, so that there are no steps."""
         self.number += round(seconds * 100)
         self.clearance += seconds * self.velocity
+
+    def brake(self, jerk: float, hardest: float, to: float) -> None:
+        """Brake harder by `jerk` m/s^2 in each step up to the `hardest`, down to a speed in m/s."""
+        braking = 0.0
+        while self.speed > to:
+            braking = max(braking - jerk, -hardest)
+            self.speed += 0.01 * braking
+            self.step(acceleration=braking)
 
     def drive_off(self, seconds: float) -> None:
         """From rest, accelerating by up to 1.5 m/s^2."""

@@ -204,11 +204,8 @@ def test_while_the_speed_is_missing_the_slope_may_change(car: Car, slope: float)
 
 def test_a_car_that_brakes_to_rest_jerks_back(car: Car) -> None:
     """Its speed is no evidence for a moment then, and the observers are slower than the jerk."""
-    start, braking = car.number, 0.0
-    while car.speed > 0.1:
-        braking = max(braking - 0.2, -6.0)
-        car.speed += 0.01 * braking
-        car.step(acceleration=braking)
+    start = car.number
+    car.brake(0.2, 6.0, to=0.1)
     for k in range(200):
         swing = -3.0 * np.exp(-0.05 * k) * np.cos(0.14 * k)
         car.step(acceleration=swing, host_speed_is=0.0)

@@ -31,7 +31,7 @@ from lfd_diagnosis.healthy_signal import (
     share_of,
     start_ring,
 )
-from lfd_diagnosis.host_speed import came_to_rest, is_settling
+from lfd_diagnosis.host_speed import came_to_rest, is_believed
 from lfd_diagnosis.lead_report import is_trusted
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
@@ -289,9 +289,8 @@ def _still_off_lead(monitor, settings, lead_report):
     mean = settings.lead_acceleration_mean
     if isnan(monitor.lead_reference):
         monitor.lead_reference = monitor.lead_slow
-    waits_for_speed = settings.use_host_speed and is_settling(monitor.speed)
-    if isnan(monitor.lead_reference) and not waits_for_speed:
-        # After a silence nothing is known of how the lead drove before.
+    if isnan(monitor.lead_reference) and not is_believed(monitor.speed):
+        # After a silence nothing is known of how the lead drove before, and no speed tells soon.
         monitor.lead_reference = mean
     monitor.lead_reference += STEP_S / LEAD_MEMORY * (mean - monitor.lead_reference)
     if trusted:

@@ -346,7 +346,8 @@ def _still_off(monitor, settings, off):
     _follow_baseline(monitor, off)
     if monitor.settling:
         # It may have been the speed that jumped for a moment, as one does that comes in steps.
-        still = (off - monitor.undone) / monitor.undone_by > STILL_THERE
+        size = monitor.undone_by
+        still = (off - monitor.undone) * size > STILL_THERE * size * size
         monitor.back_for = monitor.back_for - 1 if still else BACK_STEPS
         monitor.settling = monitor.back_for > 0
     else:

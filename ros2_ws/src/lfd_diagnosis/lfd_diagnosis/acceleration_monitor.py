@@ -67,6 +67,7 @@ from lfd_diagnosis.host_speed import (
     SLOW,
     came_to_rest,
     follow_speed,
+    is_believed,
     is_road_calm,
     is_standing,
     is_usable,
@@ -236,8 +237,7 @@ def _start_filters(monitor, settings, value):
 @inner
 def _is_bad_road(speed):
     """Whether the wheels are shaken, too."""
-    told = not (speed.faulty or isnan(speed.last))
-    return told and rough_share(speed.roughness) > SHAKEN
+    return is_believed(speed) and rough_share(speed.roughness) > SHAKEN
 
 
 @inner

@@ -187,8 +187,9 @@ def _stop_following(speed):
 
 
 @inner
-def is_settling(speed):
-    """Whether its derivative will be evidence in a moment."""
+def is_believed(speed):
+    """Whether it is heard and not called faulty: its derivative is evidence, or will be in a
+    moment."""
     return not (isnan(speed.last) or speed.faulty)
 
 

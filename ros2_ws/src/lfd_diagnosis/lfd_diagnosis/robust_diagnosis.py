@@ -46,7 +46,7 @@ from lfd_mpc.settings import STEP_NS
 INDEX_LIMIT = 0.5
 """Where a residual equals its limit, the index is one half."""
 
-LARGEST_GAP, LONGEST_GAP = 30, 600
+UNNOTICED, BRIDGED = 30, 600
 """Horizons that may be lost on the way as if nothing was, and steps that may be missing before
 everything starts anew: up to then it is the same car on the same road, and nothing is heard."""
 
@@ -135,21 +135,21 @@ def _follow_time(state, settings, horizon):
     steps = (horizon.stamp - state.last_stamp) // STEP_NS if state.begun else 0
     had_begun = state.begun
     state.last_stamp, state.begun = horizon.stamp, True
-    if not (had_begun and 1 <= steps <= LONGEST_GAP):
+    if not (had_begun and 1 <= steps <= BRIDGED):
         restart_radar(radar, settings)
         restart_acceleration(host)
         restart_lead(state.lead)
         return had_begun or horizon.restart
-    silent = steps > LARGEST_GAP
-    for _ in range(steps - 1):
-        if silent:
-            coast_acceleration(host)
-        coast_radar(radar, settings, host.acceleration, host.jolt)
+    silent = steps > UNNOTICED
     if silent and is_radar_faulty(radar):
         # Stamps may as well have jumped: a lead that is not where it would be is another one.
         radar.unseen = True
     elif silent:
         start_target(radar, settings)
+    for _ in range(steps - 1):
+        if silent:
+            coast_acceleration(host)
+        coast_radar(radar, settings, host.acceleration, host.jolt)
     return silent
 
 

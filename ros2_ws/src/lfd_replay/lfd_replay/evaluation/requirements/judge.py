@@ -169,10 +169,7 @@ def judge_in_traffic(judge: Judge) -> None:
     for signal in judge.signals():
         found = [m["delay"] is not None for m in judge.of(signal)]
         judge.share(f"{signal} found, whatever the target", found, 0.99, needed=False)
-    right = [not w["blamed"] for w in judge.windows]
-    judge.share("no healthy signal blamed, whatever the target", right, 0.98, needed=False)
-    judge.no_false_events()
-    judge.windows = [w for w in judge.windows if w["one_target"]]
+    _narrow_to_one_target(judge)
     for signal in judge.signals():
         delays = judge.found(signal, 0.99)
         most = 0.300 if signal == "acceleration" else 0.200
@@ -181,13 +178,18 @@ def judge_in_traffic(judge: Judge) -> None:
     judge.no_blame(0.98)
 
 
-def judge_kind_in_traffic(judge: Judge, as_elsewhere: Callable[[Judge], None]) -> None:
-    """Other kinds of fault while targets come and go, judged as elsewhere where one target goes on;
-    a figure of the blame wherever they do not."""
+def _narrow_to_one_target(judge: Judge) -> None:
+    """Figures of what holds whatever the target; judged further are windows of one target."""
     right = [not w["blamed"] for w in judge.windows]
     judge.share("no healthy signal blamed, whatever the target", right, 0.98, needed=False)
     judge.no_false_events()
     judge.windows = [w for w in judge.windows if w["one_target"]]
+
+
+def judge_kind_in_traffic(judge: Judge, as_elsewhere: Callable[[Judge], None]) -> None:
+    """Other kinds of fault while targets come and go, judged as elsewhere where one target goes on;
+    a figure of the blame wherever they do not."""
+    _narrow_to_one_target(judge)
     as_elsewhere(judge)
     _over(judge)
 

@@ -257,19 +257,20 @@ def run_windows(run: Run, recorded: Path | None) -> dict[str, dict]:
 def false_events(view: Seen, faults: list[Fault]) -> dict[str, list[float]]:
     """Beginnings of flags outside of all faults and what follows them, by signal, in s.
 
-    What follows a fault: the second after it, and all until the signal is judged healthy. A flag
-    that silence interrupts, and that goes on as the sensor is back, does not begin there.
+    What follows a fault: the second after it, and all until the signal is neither flagged nor
+    silent. A flag that silence interrupts, and that goes on as the sensor is back, does not begin
+    there.
     """
     times = view.times
     begins = {}
     for name in WATCHED:
         flags = view.flags[name]
-        healthy = view.ready[name] & ~view.silent[name] & ~flags
         near = np.zeros(len(times), dtype=bool)
         for fault in faults:
             start, end = fault.start * 1e-9, fault.end * 1e-9
-            over = first(times, healthy & (times >= end))
-            near |= (times >= start) & (times < max(end + 1.0, over or np.inf))
+            over = first(times, ~(flags | view.silent[name]) & (times >= end))
+            until = np.inf if over is None else max(end + 1.0, over)
+            near |= (times >= start) & (times < until)
         begin = flags & ~np.append(False, flags[:-1]) & ~near
         begins[name] = times[begin].round(3).tolist()
     return begins
