@@ -125,6 +125,49 @@ def test_a_manoeuvre_looks_like_a_bend_and_tells_of_none(braking: float, faults:
     assert car.faults_since(start) == faults
 
 
+def brake_as_felt_late(car: Car, late: int, hardest: float, rise: int, slope: float = 0.0) -> None:
+    """Brake harder and harder for `rise` steps, and so for a while; felt so many steps later."""
+    felt = [0.0] * late
+    for k in range(rise + 120):
+        felt.append(hardest * min(k / rise, 1.0))
+        if car.speed + 0.01 * felt[-1] < 1.0:
+            return
+        car.speed += 0.01 * felt[-1]
+        car.step(acceleration=felt.pop(0) + slope)
+
+
+@pytest.mark.parametrize(("late", "rise"), [(20, 80), (22, 80), (22, 110)])
+def test_what_a_late_sensor_was_off_by_in_braking_is_no_slope_afterwards(
+    late: int, rise: int
+) -> None:
+    """A lag that was not learnt differs from what comes after it as a jump would."""
+    car = Car(learn_noise=False)
+    car.speed = 30.0
+    car.drive(8.0)
+    start = car.number
+    brake_as_felt_late(car, late, -9.0, rise)
+    assert not car.faults_since(start)
+    jump = car.number
+    for _ in range(50):
+        car.speed -= 0.09
+        car.step(acceleration=-9.0 + 1.5)
+    assert car.faults_since(start) == {"acceleration"}
+    assert car.delay("acceleration", jump) <= 0.3
+
+
+def test_a_bend_that_a_manoeuvre_follows_does_not_end_in_it() -> None:
+    """What a late sensor is off by while the car brakes harder and harder stays the same, too."""
+    car = Car()
+    car.speed = 14.9
+    car.drive(8.0)
+    start = car.number
+    for k in range(80):
+        car.step(acceleration=-1.4 * (k + 1) / 80)
+    car.drive(0.1, acceleration=-1.4)
+    brake_as_felt_late(car, 20, -8.0, 100, -1.4)
+    assert not car.faults_since(start)
+
+
 @pytest.mark.parametrize(
     ("change", "faults", "settings"),
     [

@@ -113,6 +113,9 @@ at most."""
 FELT_SHARE = share_of(0.05)
 """Share by which the mean follows of what a faulty one is off by."""
 
+DOUBTFUL = 0.5
+"""m/s^2 by which a jerk widens the limits when half of what the difference is may be its lag."""
+
 THERE = 0.75
 """Share of a jump by which a sample may be off if it is still the jump that is seen in it."""
 
@@ -285,7 +288,7 @@ def _lag(monitor, settings):
 @inner
 def _learn(monitor, settings, off, jerk, step, slow_limit):
     """Slope, noise and lag, from a healthy step."""
-    _follow_baseline(monitor, off)
+    _follow_baseline(monitor, settings, off)
     if abs(off) > STEEPEST or abs(jerk) > POSSIBLE_JERK:
         return
     monitor.slope_known += STEP_S
@@ -323,11 +326,14 @@ def _learn_lag(monitor, jerk):
 
 
 @inner
-def _follow_baseline(monitor, off):
-    """What the difference was a moment ago."""
+def _follow_baseline(monitor, settings, off):
+    """What the difference was a moment ago; a manoeuvre, which shows every lag, tells little of
+    it."""
     if isnan(monitor.baseline):
         monitor.baseline = off
-    append(monitor.recent, off)
+    doubt = _jerk_allowance(monitor, settings) / DOUBTFUL
+    told = (off - monitor.baseline) / (1.0 + doubt * doubt)
+    append(monitor.recent, monitor.baseline + told)
     if is_full(monitor.recent):
         monitor.baseline += BASE_SHARE * (at(monitor.recent, 0) - monitor.baseline)
 
@@ -343,7 +349,7 @@ def _still_off(monitor, settings, off):
     _follow_slope(monitor, settings, off)
     least = LEAST if monitor.kind == Kind.OFFSET else settings.acceleration_limit
     limit = max(0.5 * abs(monitor.off), least)
-    _follow_baseline(monitor, off)
+    _follow_baseline(monitor, settings, off)
     if monitor.settling:
         # It may have been the speed that jumped for a moment, as one does that comes in steps.
         size = monitor.undone_by

@@ -77,7 +77,7 @@ def follow_bend(bend, jump, difference, derivative, speed, steepest):
     changed = now - mean_of(bend.differences, 0, MEAN)
     if abs(changed) < FASTER + jump_deviation(jump) or abs(now) > steepest:
         return 0.0
-    if not SLOWEST <= speed <= FASTEST or range_of(bend.derivatives) > STEADY:
+    if not (SLOWEST <= speed <= FASTEST and _is_steady(bend)):
         return 0.0
     if came_at_once(jump, changed):
         return 0.0
@@ -92,6 +92,12 @@ def follow_bend(bend, jump, difference, derivative, speed, steepest):
 
 
 @inner
+def _is_steady(bend):
+    """Whether the host was in no manoeuvre."""
+    return range_of(bend.derivatives) <= STEADY
+
+
+@inner
 def has_bent(bend):
     """Whether the road surely bends just now, or just bent and does not go on, as a drift would."""
     if bend.steps % EVERY or not bend.since:
@@ -99,7 +105,7 @@ def has_bent(bend):
     if bend.since == 1:
         return bend.bent >= SURE
     changed = slope_now(bend) - mean_of(bend.differences, 0, MEAN)
-    flat = bend.since > LEAST and abs(changed) < FLAT
+    flat = bend.since > LEAST and abs(changed) < FLAT and _is_steady(bend)
     if flat or bend.since > REST:
         bend.since, bend.bent = 0, 0.0
     return flat
