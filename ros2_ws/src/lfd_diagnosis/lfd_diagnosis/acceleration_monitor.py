@@ -96,8 +96,9 @@ DISAGREES = 0.5
 SHAKEN = 0.1
 """Share of rough samples above which the road shakes a sensor."""
 
-SWING = 25
-"""Steps for which a bump may swing a sensor's mounting to one side at most."""
+SWING, MORE_THAN_A_BUMP = 25, 1.5
+"""Steps for which a bump may swing a sensor's mounting to one side at most, and times its limit by
+which it is off if that need not be waited for."""
 
 SELDOM = 0.03
 """Seconds between two samples beyond which a speed tells nothing of a bad road."""
@@ -377,9 +378,11 @@ def _newest_disagrees(monitor):
 
 @inner
 def _outlasts_a_bump(monitor):
-    """Whether it has lasted longer than a swing of the sensor, if wheels were shaken just now."""
+    """Whether it has lasted longer than a swing of the sensor, if wheels were shaken just now or it
+    is no more than a bump may be."""
     lasted = monitor.exceeded_for >= SWING
-    return lasted or is_road_calm(monitor.speed) or not swings_over_bumps(monitor)
+    large = abs(monitor.check.residual) > MORE_THAN_A_BUMP * monitor.check.limit
+    return lasted or (large and is_road_calm(monitor.speed)) or not swings_over_bumps(monitor)
 
 
 @inner

@@ -17,6 +17,7 @@ from lfd_replay.evaluation.recorded_tracks import (
     TRACK_ID,
     TRACK_IDS,
 )
+from lfd_replay.evaluation.recorded_views import PHONES
 from lfd_replay.evaluation.requirements import judge as judges
 from lfd_replay.evaluation.requirements import plan
 from lfd_replay.evaluation.requirements.judge import Finding, Judge, kinds_confusion
@@ -175,6 +176,8 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
         add(f"{title}, no host speed: healthy", blind, Judge.no_false_events)
         runs = plan.faults_by_phones_in_traffic(extent, plan.PAPER[2:])
         add(f"{title}: acceleration", runs, judges.judge_in_traffic)
+        # Joined to a table it would be the same road, felt less well.
+        made += _among_hills("a phone among hills", extent, PHONES[0])
     title = "random sensors in traffic"
     add(f"{title}: healthy", plan.in_traffic(extent, RANDOM_SENSORS), judges.judge_healthy)
     blind = plan.in_traffic(extent, RANDOM_SENSORS, host_speed=False)
