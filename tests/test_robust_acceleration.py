@@ -69,6 +69,26 @@ def test_a_bump_swings_a_loosely_mounted_sensor_for_a_moment(
     assert car.faults_since(start) == faults
 
 
+@pytest.mark.parametrize("seed", [3, 4, 5, 6])
+def test_a_bump_that_a_phone_feels_is_no_motion_that_the_lead_should_answer(seed: int) -> None:
+    """Without host speed a sample of 8 m/s^2 that lasts would move the relative velocity."""
+    car, random = Car(host_speed=False), Random(seed)
+
+    def drive(seconds: float, off: float) -> None:
+        for k in range(round(seconds * 100)):
+            car.radar_silent = k % 10 >= SCAN
+            car.step(acceleration=off + random.gauss(0.0, 0.5))
+
+    drive(12.0, 0.0)
+    start = car.number
+    for _ in range(3):
+        drive(0.1, 7.9)
+        drive(1.5, 0.0)
+    assert not car.faults_since(start)
+    indices = [outcome.report.relative_velocity.index for outcome in car.outcomes[start:]]
+    assert max(indices) < 0.3
+
+
 def test_a_slope_is_no_fault(car: Car) -> None:
     start = car.number
     for k in range(800):

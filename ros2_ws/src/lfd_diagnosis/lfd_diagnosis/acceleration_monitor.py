@@ -147,7 +147,10 @@ def follow_acceleration(monitor, settings, horizon):
         monitor.acceleration = speed.derivative
     elif usable and not monitor.faulty:
         ended = came_to_rest(speed) or (monitor.jumped_for and ends_braking(monitor))
-        if (ended or waits(monitor)) and is_full(monitor.samples):
+        if monitor.jumped_for and swings_over_bumps(monitor):
+            # It may be a bump, of which a few samples are no mean, or brakes.
+            monitor.acceleration = monitor.filtered - monitor.slope
+        elif (ended or waits(monitor)) and is_full(monitor.samples):
             # No fault begins so slowly, or ends as suddenly as that: a filter would be late.
             monitor.acceleration = newest_mean(monitor) - monitor.slope
         elif not monitor.jumped_for:
