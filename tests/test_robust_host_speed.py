@@ -35,6 +35,27 @@ def test_a_rough_speed_is_the_roads_fault_for_a_while_for_not_every_acceleromete
     assert car.outcomes[-1].report.host_speed.state == State.OK
 
 
+@pytest.mark.parametrize(
+    ("shaken", "steps", "faults"),
+    [(True, 6, set()), (True, 30, {"host_speed"}), (False, 6, {"host_speed"})],
+)
+@pytest.mark.parametrize("jump", [-0.9, 0.9, 1.5])
+def test_a_wheel_that_is_shaken_may_jump_for_a_moment(
+    car: Car, jump: float, shaken: bool, steps: int, faults: set
+) -> None:
+    """Over a bump it swings to one side for some samples; a speed that jumped stays there."""
+    start = car.number
+    for swing in (0.25, -0.25, 0.0) if shaken else (0.0,):
+        car.step(host_speed=swing)
+    jumped = car.number
+    car.drive(0.01 * steps, host_speed=jump)
+    assert ("host_speed" in car.faults_since(start)) == bool(faults)
+    if faults:
+        assert car.delay("host_speed", jumped) <= (0.12 if shaken else 0.02)
+    car.drive(0.5)
+    assert car.faults_since(start) == faults
+
+
 @pytest.mark.parametrize("ages", [(0,), (0, 5)])
 @pytest.mark.parametrize(("noise", "faults"), [(0.0, set()), (0.2, {"host_speed"})])
 def test_a_seldom_speed_is_not_rough_because_the_car_brakes_hard(

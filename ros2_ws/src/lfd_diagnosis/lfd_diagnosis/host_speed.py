@@ -63,6 +63,9 @@ RATTLE, RATTLES, BUMP = 4.0, 9, 30
 wheel that was so shaken is not believed to the last, and for how many the road may still shake the
 car."""
 
+SWINGS = 0.1
+"""Seconds for which a wheel that was shaken just now may jump as no car does."""
+
 COARSE = 0.15
 """m/s of resolution beyond which the derivative goes up and down as on a road that bends."""
 
@@ -116,6 +119,7 @@ HOST_SPEED = np.dtype(
         ("changed_at", "f8"),
         ("refresh", "f8"),
         ("doubt", "f8"),
+        ("doubted_at", "f8"),
         ("outliers", "i8"),
         ("rough_for", "f8"),
         ("same", "i8"),
@@ -136,10 +140,10 @@ HOST_SPEED = np.dtype(
 """Derivative (m/s^2) of the host's speed, as long as its samples make sense.
 
 `same`: samples in a row that are equal, those of a car that seems to stand, too; `felt` (m/s^2):
-how the host accelerated at the newest one. `doubt` (m/s) is
-what the newest one, seen at `seen_at`, jumps by alone so far, NaN if it does not; `last` is of
-`last_at`, before it. `refresh` (s): how long the sensor, or a table it was put into, says each
-value again and again; it changed at `changed_at`.
+how the host accelerated at the newest one. `doubt` (m/s) is what the newest one, seen at `seen_at`,
+jumps by, NaN if it does not or is not in doubt any more; the first one that was is of `doubted_at`
+(where none is, the newest one); `last` is of `last_at`, before them. `refresh` (s): how long the
+sensor, or a table it was put into, says each value again and again; it changed at `changed_at`.
 """
 
 
@@ -174,6 +178,7 @@ def lose_speed(speed):
     """No sample, or none that is new enough."""
     speed.last, speed.last_at = np.nan, -np.inf
     speed.seen_at, speed.changed_at, speed.doubt = -np.inf, -np.inf, np.nan
+    speed.doubted_at = -np.inf
     speed.rough_for, speed.same, speed.felt = 0.0, 0, 0.0
     speed.calm_for = BUMP
     _stop_following(speed)
@@ -357,17 +362,23 @@ def _says_again(speed, at, value):
 
 @inner
 def _is_doubtful(speed, at, value, acceleration):
-    """Whether a sample jumps alone so far: the next one tells whether it was an outlier."""
+    """Whether a sample jumps alone so far: the next one tells whether it was an outlier; those of a
+    wheel that was shaken just now may swing for a moment."""
     if speed.faulty:
+        speed.doubted_at = at
         return False
+    begins = isnan(speed.doubt)
+    if begins:
+        speed.doubted_at = at
     period = min(at - speed.last_at, 1.0)
     jump = _jump(speed, value, period, acceleration)
     jumps = abs(jump) > _possible_jump(speed, period)
     jumps = jumps and not (_rests_with_a_jerk(speed, value) or _starts_or_stops(speed, value))
-    begins = jumps and isnan(speed.doubt)
-    speed.outliers += not (jumps or isnan(speed.doubt))
-    speed.doubt = jump if begins else np.nan
-    return begins
+    speed.outliers += not (jumps or begins)
+    swings = not is_road_calm(speed) and at - speed.doubted_at < SWINGS
+    doubtful = jumps and (begins or swings)
+    speed.doubt = jump if doubtful else np.nan
+    return doubtful
 
 
 @inner
@@ -377,6 +388,9 @@ def _jump(speed, value, period, acceleration):
 
 @inner
 def _possible_jump(speed, period):
+    """Of a sample so far (s) from the last one that was taken; while several jump, of the second
+    one: later ones must not be farther off."""
+    period = min(period, 2.0 * (speed.doubted_at - speed.last_at))
     return max(JUMP, 8.0 * deviation(speed.noise)) + POSSIBLE_ACCELERATION * period
 
 

@@ -182,7 +182,7 @@ def _host_speed(settings: DiagnosisSettings, verdict: Any, evidence: Any) -> str
         return "its derivative is settling"
     sample = f"sample {age * 1000:.0f} ms old{_rejected(evidence.speed_outliers)}"
     if verdict.state == State.SUSPECT:
-        return f"jump of {evidence.speed_doubt:.2f} m/s, alone so far; {sample}"
+        return f"jump of {evidence.speed_doubt:.2f} m/s, which may be an outlier; {sample}"
     return f"derivative {evidence.derivative:.2f} m/s^2; {sample}"
 
 
