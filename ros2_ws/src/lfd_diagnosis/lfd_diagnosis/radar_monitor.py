@@ -101,6 +101,9 @@ BESIDE_SHARE = 0.4
 ROUGH_CLEARANCE, ROUGH_VELOCITY = 0.4, 0.2
 """Second differences in m and m/s that are not called rough, however smooth the radar was."""
 
+ROUGHEST_KEEP = 1.0 - 1.0 / 12000
+"""What is left of the largest residual after a scan: some ten minutes count."""
+
 LEANING, LEANS = 3, 2.0
 """Residuals in a row on one side, beyond so many deviations, after which it is no noise."""
 
@@ -430,7 +433,7 @@ def _learn(signal, off, variance):
         signal.leaning += 1.0 if off > 0.0 else -1.0
     if abs(signal.leaning) <= LEANING:
         learn_noise(signal.noise, off, variance)
-        signal.roughest = max(signal.roughest, abs(off) / signal.floor)
+        signal.roughest = max(ROUGHEST_KEEP * signal.roughest, abs(off) / signal.floor)
 
 
 @inner

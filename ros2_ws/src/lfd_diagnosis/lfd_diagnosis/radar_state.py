@@ -28,6 +28,10 @@ LEARNING, FEW_SCANS, SEEN = 40.0, 10, 3.0
 """Scans over which limits come down from thrice to once their width while noise is learnt; sooner,
 after some scans, to so many times the largest residual that was seen."""
 
+SWUNG, WIDEST = 2.0, 1.5
+"""How many times the largest residual of a healthy relative velocity its least limit is, and how
+many times the first one at most: some radars swing farther, for two scans, than noise tells."""
+
 SLOW, SLOW_STD = 0.5, 0.2
 """Seconds over which the lead's acceleration is averaged before it is relied on for long, and how
 well it is known then, in m/s^2."""
@@ -232,6 +236,15 @@ def widening(radar):
 
 
 @inner
+def _least_of_velocity(radar, settings):
+    """Least limit of the relative velocity (m/s), by how far it swung so far."""
+    least = least_limit(radar.velocity)
+    if not settings.learn_noise:
+        return least
+    return least * max(1.0, min(SWUNG * radar.velocity.roughest, WIDEST))
+
+
+@inner
 def limits_about(radar, settings):
     """Limits of clearance (m) and relative velocity (m/s) around the track."""
     wide, sigma = widening(radar), settings.gate_sigma
@@ -239,7 +252,7 @@ def limits_about(radar, settings):
     velocity = deviation_about(radar.velocity, radar.track.vv)
     return (
         wide * max(least_limit(radar.clearance), sigma * clearance),
-        wide * max(least_limit(radar.velocity), sigma * velocity),
+        wide * max(_least_of_velocity(radar, settings), sigma * velocity),
     )
 
 
