@@ -41,7 +41,7 @@ def test_a_relative_velocity_that_swung_may_swing_twice_as_far(
     for swing in (first, -first):
         _swing(car, swing)
     start = car.number
-    _swing(car, 0.8)
+    _swing(car, 0.9)
     assert car.faults_since(start) == faults
     car.drive(2.0)
     start = car.number
