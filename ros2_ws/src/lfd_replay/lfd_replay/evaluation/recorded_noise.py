@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 RECORDED_SENSORS = "recorded"
 """The recorded sensors, among the names of sensor suites."""
 
+ROUGHER_SENSORS, ROUGHER = "recorded, rougher", 1.5
+"""The same on a worse road, behind leads that are harder to see, and how many times farther off."""
+
 SUITE = SensorSuite(
     radar=Radar(clearance_step=0.04, velocity_step=0.025, outlier_period=None),
     speedometer=Speedometer(step=0.0028),
@@ -54,24 +57,32 @@ AS_RECORDED = View()
 
 
 def recorded_sensors_drive(
-    folder: Path, name: str, seed: int, peak: float | None = None, view: View = AS_RECORDED
+    folder: Path,
+    name: str,
+    seed: int,
+    peak: float | None = None,
+    view: View = AS_RECORDED,
+    rougher: float = 1.0,
 ) -> Drive:
-    """A generated drive of that name, the same for the same seed. Raises UserError."""
+    """A generated drive of that name, the same for the same seed; what sensors are off by is so
+    many times larger than recorded. Raises UserError."""
     truth = drive_truth(name, peak)
     generator = np.random.default_rng([seed, crc32(name.encode())])
     plan = SUITE.plan(float(truth.time[-1]), len(truth.bumps), seed, name)
     clearance, velocity = _joined(_tracks_off(folder), len(plan.radar.times), generator)
     at = np.interp(plan.radar.times, truth.time, truth.clearance)
-    clearance = _before_the_bumper(clearance, at)
+    clearance = _before_the_bumper(rougher * clearance, at)
     (felt_at, slow, shaking), speed = _host_off(folder, view)
     begin = generator.uniform(0.0, 2.0 * felt_at[-1])
     times, slow = _mirrored(felt_at, slow, begin, truth.time[-1], 1.0)
     _, shaking = _mirrored(felt_at, shaking, begin, truth.time[-1], 1.0)
     rolling = np.interp(times, truth.time, truth.host_speed / ROLLING).clip(max=1.0)
-    felt_plan = FeltPlan(times, rolling * shaking, slow, plan.acceleration.swings)
+    felt_plan = FeltPlan(
+        times, rolling * rougher * shaking, rougher * slow, plan.acceleration.swings
+    )
     times, noise = _mirrored(*speed, begin, truth.time[-1], -1.0)
     scans = SUITE.radar.scans(
-        truth, replace(plan.radar, clearance_noise=clearance, velocity_noise=velocity)
+        truth, replace(plan.radar, clearance_noise=clearance, velocity_noise=rougher * velocity)
     )
     if name in TRAFFIC or name in HILLY:
         seen = _seen(len(scans), generator)
@@ -81,7 +92,7 @@ def recorded_sensors_drive(
         {
             RADAR: scans,
             ACCELERATION: SUITE.accelerometer.samples(truth, felt_plan),
-            HOST_SPEED: SUITE.speedometer.samples(truth, SpeedPlan(times, noise, 1.0)),
+            HOST_SPEED: SUITE.speedometer.samples(truth, SpeedPlan(times, rougher * noise, 1.0)),
         },
     )
     return Drive(drive.name, tabled(view, drive.samples))

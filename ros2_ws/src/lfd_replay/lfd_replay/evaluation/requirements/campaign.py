@@ -8,7 +8,7 @@ from typing import Any
 
 from lfd_replay.evaluation.mishaps import MISHAPS
 from lfd_replay.evaluation.random_sensors import RANDOM_SENSORS
-from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS
+from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS, ROUGHER_SENSORS
 from lfd_replay.evaluation.recorded_tracks import (
     BACKWARD,
     COUNT,
@@ -157,6 +157,11 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
         runs = plan.faults_in_traffic(extent, "offset", radar, False, sensor=RECORDED_SENSORS)
         name = "clearance and relative velocity"
         add(f"recorded sensors in traffic: {name}", runs, judges.judge_in_traffic)
+        rougher = plan.in_traffic(extent, ROUGHER_SENSORS)
+        add("rougher sensors in traffic: healthy", rougher, judges.judge_healthy)
+        for name, values in plan.COMBINATIONS.items():
+            runs = plan.faults_in_traffic(extent, "offset", values, False, sensor=ROUGHER_SENSORS)
+            add(f"rougher sensors in traffic: {name}", runs, judges.judge_in_traffic)
         for mishap in MISHAPS:
             runs = [replace(run, mishap=mishap) for run in traffic]
             add(f"in traffic, {mishap}: healthy", runs, judges.judge_healthy)
