@@ -25,28 +25,46 @@ def test_a_reference_that_wanders_to_a_faulty_relative_velocity_does_not_end_its
 
 
 @pytest.mark.parametrize(
-    ("size", "settings", "faulty"),
+    ("first", "later", "settings", "faulty"),
     [
-        (0.7, {"learn_noise": False}, True),
-        (0.9, {}, False),
-        (1.2, {}, True),
+        (0.5, 0.9, {}, False),
+        (0.0, 0.9, {}, True),
+        (0.5, 1.2, {}, True),
+        (0.5, 0.9, {"learn_noise": False}, True),
     ],
 )
-def test_a_relative_velocity_that_swings_may_swing_farther_than_noise_tells(
-    size: float, settings: dict, faulty: bool
+def test_a_relative_velocity_that_swung_may_swing_farther(
+    first: float, later: float, settings: dict, faulty: bool
 ) -> None:
-    """To one side for four scans, and to the other one; an offset is told as soon afterwards."""
+    """Than its noise tells, as it was seen to; an offset is told as soon afterwards."""
     car = Car(**settings)
     car.drive(12.0)
+    _swing(car, first)
+    _swing(car, -first)
     start = car.number
-    for k in range(8):
-        car.drive(0.01 * SCAN, relative_velocity=size * sin(2.0 * pi * (k + 0.5) / 8))
-    car.drive(4.0)
+    _swing(car, later)
     assert car.faults_since(start) == ({"radar", "relative_velocity"} if faulty else set())
     start = car.number
     car.drive(0.5, relative_velocity=2.0)
     assert car.faults_since(start) == {"radar", "relative_velocity"}
     assert car.delay("relative_velocity", start) <= 0.1
+
+
+def _swing(car: Car, size: float) -> None:
+    """The relative velocity is off to one side for four scans, and to the other one."""
+    for k in range(8):
+        car.drive(0.01 * SCAN, relative_velocity=size * sin(2.0 * pi * (k + 0.5) / 8))
+    car.drive(4.0)
+
+
+def test_what_the_relative_velocity_did_as_its_fault_began_is_no_swing(car: Car) -> None:
+    """A first scan within the limits does not widen them."""
+    start = car.number
+    for off in (0.6, 3.0, 3.0, 3.0):
+        car.drive(0.01 * SCAN, relative_velocity=off)
+    assert car.faults_since(start) == {"radar", "relative_velocity"}
+    car.drive(6.0)
+    assert "(limit 0.80)" in car.outcomes[-1].report.relative_velocity.reason
 
 
 def test_a_reference_that_jumps_is_no_jump_back_of_the_signal() -> None:

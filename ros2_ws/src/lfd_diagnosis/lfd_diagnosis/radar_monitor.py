@@ -52,6 +52,7 @@ from lfd_diagnosis.radar_signal import (
     forgive,
     is_bad,
     is_held,
+    learn_swing,
     repeats,
 )
 from lfd_diagnosis.radar_state import (
@@ -100,9 +101,6 @@ BESIDE_SHARE = 0.4
 
 ROUGH_CLEARANCE, ROUGH_VELOCITY = 0.4, 0.2
 """Second differences in m and m/s that are not called rough, however smooth the radar was."""
-
-ROUGHEST_KEEP = 1.0 - 1.0 / 12000
-"""What is left of the largest residual after a scan: some ten minutes count."""
 
 LEANING, LEANS = 3, 2.0
 """Residuals in a row on one side, beyond so many deviations, after which it is no noise."""
@@ -433,7 +431,7 @@ def _learn(signal, off, variance):
         signal.leaning += 1.0 if off > 0.0 else -1.0
     if abs(signal.leaning) <= LEANING:
         learn_noise(signal.noise, off, variance)
-        signal.roughest = max(ROUGHEST_KEEP * signal.roughest, abs(off) / signal.floor)
+        learn_swing(signal, off)
 
 
 @inner

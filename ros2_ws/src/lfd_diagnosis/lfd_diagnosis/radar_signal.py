@@ -57,6 +57,10 @@ the next."""
 AT_ONCE = 0.5
 """Share of a jump that must be undone from one scan to the next if it is to be undone at once."""
 
+SWING_KEEP, SWING_SCANS = 1.0 - 1.0 / 12000, 20
+"""What is left of the largest healthy residual after a scan, so that some ten minutes count, and
+scans without a fault after which it surely was healthy."""
+
 STEPS = 1.5
 """Steps of its resolution that a signal may be off from its prediction."""
 
@@ -96,6 +100,9 @@ RADAR_SIGNAL = np.dtype(
         ("bias", "f8"),
         ("leaning", "f8"),
         ("roughest", "f8"),
+        ("swung", "f8"),
+        ("swings", "f8"),
+        ("swings_for", "i8"),
         ("estimate", "f8"),
         ("size", "f8"),
         ("agreeing", "f8"),
@@ -121,7 +128,8 @@ RADAR_SIGNAL = np.dtype(
 clearance: beyond the path travelled), `at_once` whether that was undone from one scan to the next
 since it agrees, `jumped_back_at` when its last jump was if it was that way, `must_agree` for how
 long what agrees must go on where that is longer than usual, `history` times and residuals of a
-drift.
+drift. In shares of `floor`: `roughest`, the largest healthy residual, `swung`, that of some
+minutes, and `swings`, a larger one `swings_for` scans ago.
 """
 
 
@@ -133,6 +141,8 @@ def start_signal(signal, floor, std, lowest, learn):
     start_roughness(signal.roughness, 16)
     start_repetition(signal.repetition, 8)
     signal.residual_before = signal.leaning = signal.roughest = 0.0
+    signal.swung = signal.swings = 0.0
+    signal.swings_for = 0
     signal.outliers = 0
     signal.coasted = 0.0
     signal.faulty_scans = 0
@@ -193,6 +203,21 @@ def offset_of(signal):
 def least_limit(signal):
     """Least limit: a coarse sensor may be off by its resolution, and some noise."""
     return max(signal.floor, STEPS * resolution_of(signal.roughness))
+
+
+@inner
+def learn_swing(signal, off):
+    """From a healthy residual (in the signal's unit): how far it swings within its limits. It is
+    known only a while later: a fault may begin like that."""
+    share = abs(off) / signal.floor
+    signal.roughest = max(signal.roughest, share)
+    signal.swung *= SWING_KEEP
+    if share > max(signal.swung, signal.swings):
+        signal.swings, signal.swings_for = share, 0
+    signal.swings_for += 1
+    if signal.swings_for > SWING_SCANS:
+        signal.swung = max(signal.swung, signal.swings)
+        signal.swings = 0.0
 
 
 @inner
@@ -259,6 +284,8 @@ def convict(signal, kind, confidence):
     signal.estimate = signal.size = signal.residual
     if not signal.first.count:
         append(signal.first, signal.residual)
+    # What it did just before was its fault.
+    signal.swings = 0.0
     signal.came_back = signal.at_once = False
     signal.jumped_back_at = np.nan
     restart_agreement(signal)

@@ -241,7 +241,7 @@ def _least_of_velocity(radar, settings):
     least = least_limit(radar.velocity)
     if not settings.learn_noise:
         return least
-    return least * max(1.0, min(SWUNG * radar.velocity.roughest, WIDEST))
+    return least * max(1.0, min(SWUNG * radar.velocity.swung, WIDEST))
 
 
 @inner
