@@ -331,8 +331,9 @@ def _follow_baseline(monitor, settings, off):
     it."""
     if isnan(monitor.baseline):
         monitor.baseline = off
-    doubt = _jerk_allowance(monitor, settings) / DOUBTFUL
-    told = (off - monitor.baseline) / (1.0 + doubt * doubt)
+    # A noisy speed's jerk is some, too: a power makes it tell little.
+    doubt = (_jerk_allowance(monitor, settings) / DOUBTFUL) ** 4
+    told = (off - monitor.baseline) / (1.0 + doubt)
     append(monitor.recent, monitor.baseline + told)
     if is_full(monitor.recent):
         monitor.baseline += BASE_SHARE * (at(monitor.recent, 0) - monitor.baseline)
