@@ -101,6 +101,20 @@ def test_a_scan_counts_above_its_limit_only_and_alone_is_an_outlier(car, off, ex
     assert ("1 single outliers" in verdict.reason) is (expected == State.SUSPECT)
 
 
+@pytest.mark.parametrize(("second", "scans"), [(-4.0, 2), (-2.5, 2), (-1.5, 3)])
+def test_two_scans_that_are_off_by_different_amounts_are_two_outliers(
+    car: Car, second: float, scans: int
+) -> None:
+    """Unless a third one is, too: no one fault makes both."""
+    while car.number % SCAN:
+        car.step()
+    start = car.number
+    for scan in range(3):
+        car.drive(0.01 * SCAN, clearance=second if scan else -4.0)
+        expected = {"radar", "clearance"} if scan + 1 >= scans else set()
+        assert car.faults_since(start) == expected
+
+
 @pytest.mark.parametrize("levels", [(0.6, 1.1, 1.6), (1.0, 1.9), (-0.9, -1.8)])
 def test_a_radar_that_goes_over_to_another_part_of_the_car_is_not_faulty(car: Car, levels) -> None:
     start = car.number
@@ -545,3 +559,32 @@ def test_an_offset_of_a_steady_relative_velocity_stays_an_offset(offset) -> None
     verdict = car.outcomes[-1].report.relative_velocity
     assert verdict.state == State.FAULT and verdict.kind == Kind.OFFSET
     assert verdict.size == pytest.approx(offset, abs=0.6)
+
+
+@pytest.mark.parametrize(
+    ("signal", "rate"),
+    [
+        ("relative_velocity", 0.5),
+        ("relative_velocity", 1.0),
+        ("clearance", 0.5),
+        ("clearance", 0.8),
+    ],
+)
+@pytest.mark.parametrize("phase", [0.0, 0.25, 0.5, 0.75])
+def test_who_drifts_is_told_beside_a_clearance_that_wanders(
+    signal: str, rate: float, phase: float
+) -> None:
+    car = Car()
+
+    def step(off: float) -> None:
+        wander = 0.1 * sin(2.0 * pi * (car.number / 300 + phase))
+        faults = {"clearance": wander, "relative_velocity": 0.0}
+        faults[signal] += off
+        car.step(**faults)
+
+    for _ in range(2000):
+        step(0.0)
+    start = car.number
+    for k in range(500):
+        step(0.01 * k * rate)
+    assert car.faults_since(start) == {"radar", signal}

@@ -61,6 +61,9 @@ SWING_KEEP, SWING_SCANS = 1.0 - 1.0 / 12000, 20
 """What is left of the largest healthy residual after a scan, so that some ten minutes count, and
 scans without a fault after which it surely was healthy."""
 
+UNALIKE = 0.25
+"""Share of two residuals of one fault by which they may differ, beyond their limit."""
+
 STEPS = 1.5
 """Steps of its resolution that a signal may be off from its prediction."""
 
@@ -267,6 +270,16 @@ def count_scan(signal, ceiling):
     if signal.confidence == BAD and not signal.faulty:
         signal.outliers += 1
     signal.confidence = max(signal.confidence - GOOD, 0)
+
+
+@inner
+def differ(signal):
+    """Whether the two scans that were off so far were so by amounts that no one fault makes, as two
+    outliers are: a third one must tell."""
+    if signal.first.count != 2:
+        return False
+    former, latter = at(signal.first, 0), at(signal.first, 1)
+    return abs(latter - former) > UNALIKE * max(abs(former), abs(latter)) + signal.limit
 
 
 @inner

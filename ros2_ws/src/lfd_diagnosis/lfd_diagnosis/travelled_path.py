@@ -44,6 +44,10 @@ CLEAR, PATIENCE = 0.4, 2.2
 """The same for who drifts, where the limit is just exceeded, and limits from which on the better
 explanation counts."""
 
+STEEP, WANDERS = 2.0, 0.25
+"""How many times its least limit a relative velocity that drifts makes the two come apart at most,
+and share of the clearance's noise that its wandering adds to either explanation's error."""
+
 PLAIN = 2.0
 """Deviations of the clearance's noise that a path may lie off its explanation in the mean, where
 that is not far beyond its limit."""
@@ -378,10 +382,17 @@ def explain_drift(path, settings, reach, excess, held, noise, drift):
         return
     # The farther they come apart, the less doubt is left.
     ratio = CLEAR + (1.0 - CLEAR) * (excess - 1.0) / (PATIENCE - 1.0)
+    # A bend looks much like a steep line beside a clearance that wanders.
+    floor = settings.relative_velocity_floor
+    steep = floor < abs(line_slope) <= STEEP * floor
+    wandered = n * WANDERS * noise
+    bends = bend_error < line_error
+    maybe = steep and line_error + wandered > DOUBT * (bend_error + wandered)
     plain = better <= n * PLAIN * PLAIN * noise and better <= ratio * worse
-    if not plain and excess < PATIENCE:
+    told = plain and (bends or not maybe)
+    if not told and excess < PATIENCE:
         return
-    if bend_error < line_error:
+    if bends:
         _tell(drift, False, Kind.RAMP, 2.0 * bend_slope * bend_onset)
         return
     if line_onset - times[0] <= STEP_SEARCH and abs(line_slope) > settings.relative_velocity_floor:
@@ -393,4 +404,7 @@ def explain_drift(path, settings, reach, excess, held, noise, drift):
         if near and -np.sign(line_slope) * steps[i] > STEP_SHARE * abs(line_slope):
             _tell(drift, False, Kind.OFFSET, -line_slope)
             return
+    if maybe:
+        _tell(drift, False, Kind.RAMP, 2.0 * bend_slope * bend_onset)
+        return
     _tell(drift, True, Kind.RAMP, off[n - 1] - line_base)
