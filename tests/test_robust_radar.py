@@ -50,6 +50,22 @@ def test_a_relative_velocity_that_swung_may_swing_farther(
     assert car.delay("relative_velocity", start) <= 0.1
 
 
+@pytest.mark.parametrize(("said", "faulty"), [(0.0, True), (0.01, False)])
+def test_a_relative_velocity_that_swung_does_not_swing_to_zero(
+    car: Car, said: float, faulty: bool
+) -> None:
+    car.drive(12.0)
+    _swing(car, 0.5)
+    _swing(car, -0.5)
+    car.lead_acceleration = -0.5
+    car.drive(2.0)
+    car.lead_acceleration = 0.0
+    car.drive(1.0)
+    start = car.number
+    car.drive(0.02 * SCAN, relative_velocity_is=said)
+    assert car.faults_since(start) == ({"radar", "relative_velocity"} if faulty else set())
+
+
 def _swing(car: Car, size: float) -> None:
     """The relative velocity is off to one side for four scans, and to the other one."""
     for k in range(8):

@@ -239,7 +239,8 @@ def widening(radar):
 def _least_of_velocity(radar, settings):
     """Least limit of the relative velocity (m/s), by how far it swung so far."""
     least = least_limit(radar.velocity)
-    if not settings.learn_noise:
+    if not settings.learn_noise or radar.measured_velocity.value == 0.0:
+        # What swings is nowhere exactly.
         return least
     return least * max(1.0, min(SWUNG * radar.velocity.swung, WIDEST))
 
