@@ -117,7 +117,7 @@ def test_a_scan_counts_above_its_limit_only_and_alone_is_an_outlier(car, off, ex
     assert ("1 single outliers" in verdict.reason) is (expected == State.SUSPECT)
 
 
-@pytest.mark.parametrize(("second", "scans"), [(-4.0, 2), (-2.5, 2), (-1.5, 3)])
+@pytest.mark.parametrize(("second", "scans"), [(-4.0, 2), (-2.5, 2), (-1.5, 3), (1.6, 3), (2.5, 2)])
 def test_two_scans_that_are_off_by_different_amounts_are_two_outliers(
     car: Car, second: float, scans: int
 ) -> None:

@@ -61,8 +61,9 @@ SWING_KEEP, SWING_SCANS = 1.0 - 1.0 / 12000, 20
 """What is left of the largest healthy residual after a scan, so that some ten minutes count, and
 scans without a fault after which it surely was healthy."""
 
-UNALIKE = 0.25
-"""Share of two residuals of one fault by which they may differ, beyond their limit."""
+HARDLY, UNALIKE = 1.5, 0.25
+"""Times its limit below which a residual is hardly off, and share of two residuals of one fault by
+which they may differ, beyond their limit."""
 
 STEPS = 1.5
 """Steps of its resolution that a signal may be off from its prediction."""
@@ -274,12 +275,14 @@ def count_scan(signal, ceiling):
 
 @inner
 def differ(signal):
-    """Whether the two scans that were off so far were so by amounts that no one fault makes, as two
-    outliers are: a third one must tell."""
+    """Whether of the two scans that were off so far one was hardly so, by an amount that the other
+    one's fault does not make: both may be outliers, a third one must tell."""
     if signal.first.count != 2:
         return False
     former, latter = at(signal.first, 0), at(signal.first, 1)
-    return abs(latter - former) > UNALIKE * max(abs(former), abs(latter)) + signal.limit
+    less, more = min(abs(former), abs(latter)), max(abs(former), abs(latter))
+    hardly = less < HARDLY * signal.limit
+    return hardly and abs(latter - former) > UNALIKE * more + signal.limit
 
 
 @inner
