@@ -113,8 +113,9 @@ at most."""
 FELT_SHARE = share_of(0.05)
 """Share by which the mean follows of what a faulty one is off by."""
 
-DOUBTFUL = 0.5
-"""m/s^2 by which a jerk widens the limits when half of what the difference is may be its lag."""
+DOUBTFUL, SHARPLY = 0.5, 4
+"""m/s^2 by which a jerk widens the limits when half of what the difference is may be its lag, and
+power with which that share grows: a noisy speed shows a little jerk all the time."""
 
 THERE = 0.75
 """Share of a jump by which a sample may be off if it is still the jump that is seen in it."""
@@ -331,8 +332,7 @@ def _follow_baseline(monitor, settings, off):
     it."""
     if isnan(monitor.baseline):
         monitor.baseline = off
-    # A noisy speed's jerk is some, too: a power makes it tell little.
-    doubt = (_jerk_allowance(monitor, settings) / DOUBTFUL) ** 4
+    doubt = (_jerk_allowance(monitor, settings) / DOUBTFUL) ** SHARPLY
     told = (off - monitor.baseline) / (1.0 + doubt)
     append(monitor.recent, monitor.baseline + told)
     if is_full(monitor.recent):

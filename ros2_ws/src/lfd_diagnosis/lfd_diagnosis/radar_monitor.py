@@ -48,12 +48,12 @@ from lfd_diagnosis.radar_signal import (
     convict,
     count_scan,
     deviation_about,
-    differ,
     drifts_by,
     forgive,
     is_bad,
     is_held,
     learn_swing,
+    may_be_outliers,
     repeats,
 )
 from lfd_diagnosis.radar_state import (
@@ -466,7 +466,7 @@ def _suspect(radar, settings, signal, of_clearance, changed):
         elif is_bad(signal) and not of_clearance and catches_up(radar, settings):
             rebase(radar.track, signal, radar.measured_velocity.value, False)
             acquit(signal)
-        elif is_bad(signal) and not growing and not differ(signal):
+        elif is_bad(signal) and not growing and not may_be_outliers(signal):
             # What grows is left to the path; what waited for it and came back was none.
             give_ground(signal.because, Ground.RESIDUAL, signal.residual, signal.limit, 0.0)
             _convict(radar, settings, signal, Kind.OFFSET)

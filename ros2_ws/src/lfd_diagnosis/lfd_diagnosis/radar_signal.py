@@ -274,7 +274,7 @@ def count_scan(signal, ceiling):
 
 
 @inner
-def differ(signal):
+def may_be_outliers(signal):
     """Whether of the two scans that were off so far one was hardly so, by an amount that the other
     one's fault does not make: both may be outliers, a third one must tell."""
     if signal.first.count != 2:

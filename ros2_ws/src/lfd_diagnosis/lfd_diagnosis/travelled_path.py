@@ -338,6 +338,16 @@ def _is_sudden(times, off):
 
 
 @inner
+def _was_step(times, steps, onset, slope):
+    """Whether the velocity stepped by that slope as the line begins."""
+    for i in range(len(times)):
+        near = abs(times[i] - onset) <= STEP_SEARCH
+        if near and -np.sign(slope) * steps[i] > STEP_SHARE * abs(slope):
+            return True
+    return False
+
+
+@inner
 def _tell(drift, of_clearance, kind, error):
     drift.told, drift.of_clearance, drift.kind, drift.error = True, of_clearance, kind, error
 
@@ -382,29 +392,21 @@ def explain_drift(path, settings, reach, excess, held, noise, drift):
         return
     # The farther they come apart, the less doubt is left.
     ratio = CLEAR + (1.0 - CLEAR) * (excess - 1.0) / (PATIENCE - 1.0)
-    # A bend looks much like a steep line beside a clearance that wanders.
-    floor = settings.relative_velocity_floor
-    steep = floor < abs(line_slope) <= STEEP * floor
-    wandered = n * WANDERS * noise
+    slope, floor = abs(line_slope), settings.relative_velocity_floor
     bends = bend_error < line_error
-    maybe = steep and line_error + wandered > DOUBT * (bend_error + wandered)
+    # A bend looks much like a steep line beside a clearance that wanders.
+    wandered = n * WANDERS * noise
+    alike = line_error + wandered > DOUBT * (bend_error + wandered)
+    may_bend = bends or (floor < slope <= STEEP * floor and alike)
     plain = better <= n * PLAIN * PLAIN * noise and better <= ratio * worse
-    told = plain and (bends or not maybe)
+    told = plain and bends == may_bend
     if not told and excess < PATIENCE:
         return
-    if bends:
-        _tell(drift, False, Kind.RAMP, 2.0 * bend_slope * bend_onset)
-        return
-    if line_onset - times[0] <= STEP_SEARCH and abs(line_slope) > settings.relative_velocity_floor:
-        # Off from the first scan of a target on: a step that nobody could see. Drifts are slower.
+    # Off from the first scan of a target on: a step that nobody could see. Drifts are slower.
+    unseen = line_onset - times[0] <= STEP_SEARCH and slope > floor
+    if not bends and (unseen or _was_step(times, steps, line_onset, line_slope)):
         _tell(drift, False, Kind.OFFSET, -line_slope)
-        return
-    for i in range(n):
-        near = abs(times[i] - line_onset) <= STEP_SEARCH
-        if near and -np.sign(line_slope) * steps[i] > STEP_SHARE * abs(line_slope):
-            _tell(drift, False, Kind.OFFSET, -line_slope)
-            return
-    if maybe:
+    elif may_bend:
         _tell(drift, False, Kind.RAMP, 2.0 * bend_slope * bend_onset)
-        return
-    _tell(drift, True, Kind.RAMP, off[n - 1] - line_base)
+    else:
+        _tell(drift, True, Kind.RAMP, off[n - 1] - line_base)

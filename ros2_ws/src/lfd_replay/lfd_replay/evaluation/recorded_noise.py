@@ -26,8 +26,11 @@ Array = NDArray[np.float64]
 RECORDED_SENSORS = "recorded"
 """The recorded sensors, among the names of sensor suites."""
 
-ROUGHER_SENSORS, ROUGHER = "recorded, rougher", 1.5
-"""The same on a worse road, behind leads that are harder to see, and how many times farther off."""
+ROUGHER_SENSORS = "recorded, rougher"
+"""The same on a worse road, behind leads that are harder to see."""
+
+FARTHER_OFF = {RECORDED_SENSORS: 1.0, ROUGHER_SENSORS: 1.5}
+"""How many times farther they are off than recorded."""
 
 SUITE = SensorSuite(
     radar=Radar(clearance_step=0.04, velocity_step=0.025, outlier_period=None),

@@ -15,12 +15,7 @@ from lfd_replay.drive import Drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
 from lfd_replay.evaluation.mishaps import MISHAPS
 from lfd_replay.evaluation.random_sensors import RANDOM_SENSORS, random_sensors_drive
-from lfd_replay.evaluation.recorded_noise import (
-    RECORDED_SENSORS,
-    ROUGHER,
-    ROUGHER_SENSORS,
-    recorded_sensors_drive,
-)
+from lfd_replay.evaluation.recorded_noise import FARTHER_OFF, recorded_sensors_drive
 from lfd_replay.evaluation.recorded_tracks import (
     BACKWARD,
     LANES,
@@ -109,10 +104,9 @@ def load(run: Run, recorded: Path | None) -> Drive:
         return lane_drive(recorded, run.drive)
     if run.drive == RECORDED:
         return load_drive(RECORDED, recorded)
-    if run.sensor == RECORDED_SENSORS and recorded is not None:
-        return recorded_sensors_drive(recorded, run.drive, run.seed, run.peak)
-    if run.sensor == ROUGHER_SENSORS and recorded is not None:
-        return recorded_sensors_drive(recorded, run.drive, run.seed, run.peak, rougher=ROUGHER)
+    if run.sensor in FARTHER_OFF and recorded is not None:
+        rougher = FARTHER_OFF[run.sensor]
+        return recorded_sensors_drive(recorded, run.drive, run.seed, run.peak, rougher=rougher)
     if run.sensor == RANDOM_SENSORS:
         return random_sensors_drive(run.drive, run.seed, run.peak)
     return generate_drive(run.drive, run.seed, run.sensor, run.peak)
