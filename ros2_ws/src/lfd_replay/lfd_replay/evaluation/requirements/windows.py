@@ -44,6 +44,9 @@ NEAREST = "nearest in path"
 WATCHED = (*JUDGED, "host_speed")
 """The signals whose verdicts are kept."""
 
+CLEAR_FOR = 1.0
+"""Seconds for which a signal must stay unflagged before its fault counts as over."""
+
 AFTER = 3.0
 """Seconds after a window in which a flag on a healthy signal counts as its blame."""
 
@@ -290,7 +293,7 @@ def _window(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
     for name in fault.signals:
         flags = view.flags[name]
         at = first(times, flags & inside)
-        clear = first(times, ~flags & (times >= end))
+        clear = first(times, _stays_clear(times, flags) & (times >= end))
         gone = view.silent[name]
         back = first(times, ~gone & view.ready[name] & ~flags & (times >= end))
         signals[name] = {
@@ -317,6 +320,13 @@ def _window(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
         ],
         "rebuilt": _rebuilt(view, healthy, fault, inside, times, start),
     }
+
+
+def _stays_clear(times: Array, flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Where a signal is not flagged, and will not be for a moment."""
+    flagged_at = np.where(flags, times, np.inf)
+    next_flag = np.minimum.accumulate(flagged_at[::-1])[::-1]
+    return next_flag - times >= CLEAR_FOR
 
 
 def _after(at: float | None, zero: float) -> float | None:
