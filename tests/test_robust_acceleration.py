@@ -430,6 +430,54 @@ def test_what_the_difference_was_as_a_jump_began_is_not_the_slope_after_it(
         assert car.drive(1.0).report.acceleration.state == State.OK
 
 
+@pytest.mark.parametrize("rate", [0.5, -0.5])
+def test_a_drift_that_ends_at_once_leaves_no_fault(car: Car, rate: float) -> None:
+    """Part of it was taken for the slope before it was found."""
+    for k in range(800):
+        car.step(acceleration=rate * 0.01 * k)
+    assert car.outcomes[-1].report.acceleration.state == State.FAULT
+    assert car.drive(1.0).report.acceleration.state == State.OK
+    over = car.number
+    car.drive(6.0)
+    assert not car.faults_since(over)
+
+
+def hide(car: Car, offset: float, slope: float) -> None:
+    """A fault that a road which bends makes seem over."""
+    car.drive(3.0, acceleration=offset)
+    for k in range(60):
+        car.step(acceleration=offset + slope * k / 60)
+    assert car.drive(0.9, acceleration=offset + slope).report.acceleration.state == State.OK
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("later", [0.2, 1.5])
+def test_the_end_of_a_fault_that_a_bent_road_hid_is_no_other_fault(
+    car: Car, way: float, later: float
+) -> None:
+    hide(car, -2.0 * way, 1.8 * way)
+    car.drive(later, acceleration=-0.2 * way)
+    end = car.number
+    assert car.drive(6.0, acceleration=1.8 * way).report.acceleration.state == State.OK
+    assert not car.faults_since(end)
+
+
+@pytest.mark.parametrize("then", [2.0, -4.0, 4.0])
+def test_another_jump_than_back_is_a_fault_soon_after_one(car: Car, then: float) -> None:
+    """To the same side, or by far more than back."""
+    car.drive(3.0, acceleration=2.0)
+    car.drive(2.0)
+    again = car.number
+    assert car.drive(1.0, acceleration=then).report.acceleration.state == State.FAULT
+    assert car.faults_since(again) == {"acceleration"}
+
+
+def test_a_jump_back_is_a_fault_some_time_after_the_end_of_one(car: Car) -> None:
+    car.drive(3.0, acceleration=2.0)
+    car.drive(3.8)
+    assert car.drive(1.0, acceleration=-2.0).report.acceleration.state == State.FAULT
+
+
 @pytest.mark.parametrize("slope", [1.35, -1.35])
 def test_a_slope_that_nobody_saw_change_under_a_jump_is_no_fault(car: Car, slope: float) -> None:
     car.drive(2.0, acceleration=4.0)

@@ -376,16 +376,23 @@ def _still_off(monitor, settings, off):
 
 
 @inner
-def slope_after(monitor, settings):
-    """The slope (m/s^2) when a jump has been undone: what was followed under it, as far as what is
-    felt by then does not differ; that is none where another jump undid more than the jump, or
-    less."""
-    felt = monitor.felt
+def became_another(monitor, settings):
+    """Whether another jump undid more than the jump that made it faulty, or less. A drift's size is
+    not known so well: part of it was taken for the slope."""
+    if not (monitor.settling and monitor.kind == Kind.OFFSET):
+        return False
     limit = settings.acceleration_limit + allowance_of(monitor, settings)
-    if monitor.settling and abs(felt - monitor.undone) > limit:
+    return abs(monitor.felt - monitor.undone) > limit
+
+
+@inner
+def slope_after(monitor, settings):
+    """The slope (m/s^2) when a fault has been undone: what was followed under it, as far as what is
+    felt by then does not differ; that is none where the fault became another."""
+    if became_another(monitor, settings):
         return monitor.reference
     doubt = _jerk_allowance(monitor, settings)
-    return max(felt - doubt, min(felt + doubt, monitor.reference))
+    return max(monitor.felt - doubt, min(monitor.felt + doubt, monitor.reference))
 
 
 @inner

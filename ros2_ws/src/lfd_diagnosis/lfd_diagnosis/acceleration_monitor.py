@@ -21,6 +21,7 @@ from lfd_diagnosis.acceleration_against_speed import (
     STILL_KNOWN,
     against_speed,
     allowance_of,
+    became_another,
     doubt_slope,
     slope_after,
     speed_may_be_wrong,
@@ -99,6 +100,10 @@ SHAKEN = 0.1
 SWING, MORE_THAN_A_BUMP = 25, 1.5
 """Steps for which a bump may swing a sensor's mounting to one side at most, and times its limit by
 which it is off if that need not be waited for."""
+
+ENDED, ENDS_BY, ENDS_BY_MOST = 3.0, 0.5, 1.5
+"""Seconds after the end of a fault in which a jump back may be its real end, as a road that bent
+made it seem over, and least and largest share of its size that this is off by."""
 
 SELDOM = 0.03
 """Seconds between two samples beyond which a speed tells nothing of a bad road."""
@@ -273,6 +278,7 @@ def judge_acceleration(
         _judge_nothing(monitor, KNOWN_AFTER_SILENCE)
         return
     monitor.ticks += 1
+    monitor.ended_for += STEP_S
     rests = is_resting(relative_velocity)
     monitor.lead_rests_for = monitor.lead_rests_for + STEP_S if rests else 0.0
     follow_lead(monitor, relative_acceleration)
@@ -323,7 +329,31 @@ def judge_acceleration(
         and _outlasts_a_bump(monitor)
         and not (check.ground == Ground.HOST_SPEED and speed_may_be_wrong(monitor, settings))
     ):
-        _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
+        if _ends_the_last(monitor):
+            _end_the_last(monitor)
+        else:
+            _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
+
+
+@inner
+def _ends_the_last(monitor):
+    """Whether what looks like a fault is the end of the one before, which seemed over too soon."""
+    seen = monitor.check.ground == Ground.HOST_SPEED and is_full(monitor.samples)
+    if not seen or monitor.ended_for > ENDED:
+        return False
+    jump = monitor.check.residual + newest_mean(monitor) - monitor.filtered
+    share = -jump / monitor.ended_size
+    return ENDS_BY < share < ENDS_BY_MOST
+
+
+@inner
+def _end_the_last(monitor):
+    """What is felt by now is the slope, which is in doubt."""
+    monitor.slope = monitor.check.reference + monitor.check.residual
+    monitor.slope += newest_mean(monitor) - monitor.filtered
+    monitor.slope_known = min(monitor.slope_known, STILL_KNOWN)
+    monitor.ended_size = np.nan
+    forgive_acceleration(monitor)
 
 
 @inner
@@ -427,7 +457,7 @@ def _requalify(monitor, settings, disagrees):
     if monitor.agreeing >= settings.clear_time:
         seen = monitor.check.ground == Ground.HOST_SPEED
         drifted = seen and monitor.kind == Kind.RAMP
-        if seen and monitor.kind == Kind.OFFSET:
+        if seen and (monitor.kind == Kind.OFFSET or monitor.settling):
             monitor.slope = slope_after(monitor, settings)
         elif not isnan(monitor.reference):
             monitor.slope += monitor.reference - monitor.slope_before
@@ -435,6 +465,9 @@ def _requalify(monitor, settings, disagrees):
             # What the slope is by now nobody has seen.
             monitor.slope_known = min(monitor.slope_known, STILL_KNOWN)
         left = monitor.check.residual
+        monitor.ended_size, monitor.ended_for = monitor.size, 0.0
+        if became_another(monitor, settings):
+            monitor.ended_size = np.nan
         forgive_acceleration(monitor)
         if drifted:
             # What a slope or a drift within its limit has left is no jump.

@@ -141,6 +141,9 @@ ACCELERATION = np.dtype(
         ("undone", "f8"),
         ("undone_by", "f8"),
         ("agreeing", "f8"),
+        # The fault before.
+        ("ended_size", "f8"),
+        ("ended_for", "f8"),
     ],
     align=True,
 )
@@ -152,6 +155,7 @@ ACCELERATION = np.dtype(
 `undone` (m/s^2): what that would be as a jump, of `undone_by`, has just been undone, if all of it
 was. `before`, `relative_before` (m/s^2): the samples and `relative_slow` as a jump without host
 speed began.
+`ended_size` (m/s^2): of the fault that was over last, `ended_for` (s) by now, NaN if none was.
 `shaking` (m/s^2): the deviation of single samples just now, by the `newest` ones.
 """
 
@@ -194,6 +198,7 @@ def restart_acceleration(monitor):
     monitor.jump_sign = 0.0
     monitor.braked = monitor.jolt = 0.0
     monitor.acceleration = 0.0
+    monitor.ended_size, monitor.ended_for = np.nan, 0.0
 
 
 @inner
