@@ -377,12 +377,13 @@ def _still_off(monitor, settings, off):
 
 @inner
 def became_another(monitor, settings):
-    """Whether another jump undid more than the jump that made it faulty, or less. A drift's size is
-    not known so well: part of it was taken for the slope."""
+    """Whether another jump undid more than the jump that made it faulty, or less, and did not lead
+    back to the slope. A drift's size is not known so well: part of it was taken for the slope."""
     if not (monitor.settling and monitor.kind == Kind.OFFSET):
         return False
     limit = settings.acceleration_limit + allowance_of(monitor, settings)
-    return abs(monitor.felt - monitor.undone) > limit
+    felt = monitor.felt
+    return min(abs(felt - monitor.undone), abs(felt - monitor.reference)) > limit
 
 
 @inner
