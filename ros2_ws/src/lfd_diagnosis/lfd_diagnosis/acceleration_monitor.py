@@ -341,16 +341,21 @@ def _ends_the_last(monitor):
     seen = monitor.check.ground == Ground.HOST_SPEED and is_full(monitor.samples)
     if not seen or monitor.ended_for > ENDED:
         return False
-    jump = monitor.check.residual + newest_mean(monitor) - monitor.filtered
-    share = -jump / monitor.ended_size
-    return ENDS_BY < share < ENDS_BY_MOST
+    size, back = monitor.ended_size, -_newest_residual(monitor)
+    # Without dividing: what ended may have been of no size at all.
+    return ENDS_BY * size * size < back * size < ENDS_BY_MOST * size * size
+
+
+@inner
+def _newest_residual(monitor):
+    """What the newest samples are off by, before the filter says so."""
+    return monitor.check.residual + newest_mean(monitor) - monitor.filtered
 
 
 @inner
 def _end_the_last(monitor):
     """What is felt by now is the slope, which is in doubt."""
-    monitor.slope = monitor.check.reference + monitor.check.residual
-    monitor.slope += newest_mean(monitor) - monitor.filtered
+    monitor.slope = monitor.check.reference + _newest_residual(monitor)
     monitor.slope_known = min(monitor.slope_known, STILL_KNOWN)
     monitor.ended_size = np.nan
     forgive_acceleration(monitor)
@@ -457,7 +462,7 @@ def _requalify(monitor, settings, disagrees):
     if monitor.agreeing >= settings.clear_time:
         seen = monitor.check.ground == Ground.HOST_SPEED
         drifted = seen and monitor.kind == Kind.RAMP
-        if seen and (monitor.kind == Kind.OFFSET or monitor.settling):
+        if seen and (monitor.kind == Kind.OFFSET or (drifted and monitor.settling)):
             monitor.slope = slope_after(monitor, settings)
         elif not isnan(monitor.reference):
             monitor.slope += monitor.reference - monitor.slope_before
@@ -465,9 +470,8 @@ def _requalify(monitor, settings, disagrees):
             # What the slope is by now nobody has seen.
             monitor.slope_known = min(monitor.slope_known, STILL_KNOWN)
         left = monitor.check.residual
-        monitor.ended_size, monitor.ended_for = monitor.size, 0.0
-        if became_another(monitor, settings):
-            monitor.ended_size = np.nan
+        told = _is_gauged(monitor) and not became_another(monitor, settings)
+        monitor.ended_size, monitor.ended_for = monitor.size if told else np.nan, 0.0
         forgive_acceleration(monitor)
         if drifted:
             # What a slope or a drift within its limit has left is no jump.
