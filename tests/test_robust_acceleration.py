@@ -472,6 +472,19 @@ def test_another_jump_than_back_is_a_fault_soon_after_one(car: Car, then: float)
     assert car.faults_since(again) == {"acceleration"}
 
 
+@pytest.mark.parametrize("held", [0.0, 0.2])
+@pytest.mark.parametrize("offset", [2.0, -2.0])
+def test_a_jump_soon_after_a_hold_is_a_fault(car: Car, held: float, offset: float) -> None:
+    """It is the end of nothing: what is held is off by no figure."""
+    for k in range(400):
+        acceleration = min(0.01 * k, 2.0)
+        car.speed += 0.01 * acceleration
+        car.step(acceleration_is=held)
+    assert car.outcomes[-1].report.acceleration.state == State.FAULT
+    assert car.drive(1.5).report.acceleration.state == State.OK
+    assert car.drive(1.0, acceleration=offset).report.acceleration.state == State.FAULT
+
+
 def test_a_jump_back_is_a_fault_some_time_after_the_end_of_one(car: Car) -> None:
     car.drive(3.0, acceleration=2.0)
     car.drive(3.8)
