@@ -33,7 +33,13 @@ from lfd_replay.evaluation.kalman import KalmanGate, LeadModel
 from lfd_replay.evaluation.normal_driving import lead_acceleration, scan_deviations
 from lfd_replay.evaluation.requirements import campaign as requirements
 from lfd_replay.evaluation.requirements import plan
-from lfd_replay.evaluation.requirements.windows import WATCHED, Seen, false_events
+from lfd_replay.evaluation.requirements.windows import (
+    CLEAR_FOR,
+    WATCHED,
+    Seen,
+    clear_from,
+    false_events,
+)
 from lfd_replay.evaluation.statistics import median, rate
 from lfd_replay.evaluation.summary import case_rows, equal_rows, summary, tables
 from lfd_replay.evaluation.trace import JUDGED, Trace, load_trace, record_trace
@@ -192,6 +198,15 @@ def test_a_fault_that_goes_on_after_a_silence_is_no_false_event_and_one_after_it
     faults = parse_faults(["offset:clearance=4@2-4"])
     assert false_events(seen, faults) == {name: [] for name in WATCHED} | {"clearance": [1.0, 9.0]}
     assert false_events(seen, [])["clearance"] == [1.0, 2.1, 6.0, 9.0]
+
+
+@pytest.mark.parametrize("calm", [0.5, CLEAR_FOR - 0.01, CLEAR_FOR, 5.0])
+def test_a_fault_is_over_when_its_flag_stays_away(calm: float) -> None:
+    times = np.round(0.01 * np.arange(1000), 2)
+    again = (times >= 2.5 + calm - 1e-6) & (times < 9.0 - 1e-6)
+    flags = (times < 2.5) | again
+    assert clear_from(times, flags, 2.0) == (2.5 if calm >= CLEAR_FOR else 9.0)
+    assert clear_from(times, ~flags | (times > 9.5), 9.6) is None
 
 
 def test_a_run_goes_on_where_it_stopped(tmp_path: Path) -> None:

@@ -472,6 +472,15 @@ def test_another_jump_than_back_is_a_fault_soon_after_one(car: Car, then: float)
     assert car.faults_since(again) == {"acceleration"}
 
 
+@pytest.mark.parametrize(("steepest", "offset"), [(2.5, 4.0), (2.5, -4.0), (0.0, 2.0)])
+def test_what_no_road_hides_is_not_the_end_of_a_fault(steepest: float, offset: float) -> None:
+    car = Car(steepest_road=steepest)
+    car.drive(12.0)
+    car.drive(3.0, acceleration=offset)
+    assert car.drive(1.0).report.acceleration.state == State.OK
+    assert car.drive(1.0, acceleration=-offset).report.acceleration.state == State.FAULT
+
+
 @pytest.mark.parametrize("held", [0.0, 0.2])
 @pytest.mark.parametrize("offset", [2.0, -2.0])
 def test_a_jump_soon_after_a_hold_is_a_fault(car: Car, held: float, offset: float) -> None:

@@ -329,19 +329,22 @@ def judge_acceleration(
         and _outlasts_a_bump(monitor)
         and not (check.ground == Ground.HOST_SPEED and speed_may_be_wrong(monitor, settings))
     ):
-        if _ends_the_last(monitor):
+        if _ends_the_last(monitor, settings):
             _end_the_last(monitor)
         else:
             _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
 
 
 @inner
-def _ends_the_last(monitor):
-    """Whether what looks like a fault is the end of the one before, which seemed over too soon."""
+def _ends_the_last(monitor, settings):
+    """Whether what looks like a fault is the end of the one before, which seemed over too soon, as
+    one that a road may hide."""
+    size = monitor.ended_size
     seen = monitor.check.ground == Ground.HOST_SPEED and is_full(monitor.samples)
-    if not seen or monitor.ended_for > ENDED:
+    hidden = monitor.ended_for <= ENDED and abs(size) <= settings.steepest_road
+    if not (seen and hidden):
         return False
-    size, back = monitor.ended_size, -_newest_residual(monitor)
+    back = -_newest_residual(monitor)
     # Without dividing: what ended may have been of no size at all.
     return ENDS_BY * size * size < back * size < ENDS_BY_MOST * size * size
 
@@ -365,6 +368,7 @@ def _end_the_last(monitor):
 def _judge_nothing(monitor, worth):
     """There is nothing to judge, and the slope still `worth` so many seconds of learning."""
     monitor.confidence, monitor.corrected = 0, False
+    monitor.ended_for += STEP_S
     monitor.check.ground = Ground.NONE
     restart_jump(monitor.jump)
     start_bend(monitor.bend)
@@ -462,7 +466,8 @@ def _requalify(monitor, settings, disagrees):
     if monitor.agreeing >= settings.clear_time:
         seen = monitor.check.ground == Ground.HOST_SPEED
         drifted = seen and monitor.kind == Kind.RAMP
-        if seen and (monitor.kind == Kind.OFFSET or (drifted and monitor.settling)):
+        jumped = seen and monitor.kind == Kind.OFFSET
+        if jumped or (drifted and monitor.settling):
             monitor.slope = slope_after(monitor, settings)
         elif not isnan(monitor.reference):
             monitor.slope += monitor.reference - monitor.slope_before

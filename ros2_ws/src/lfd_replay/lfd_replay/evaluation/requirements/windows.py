@@ -280,6 +280,12 @@ def false_events(view: Seen, faults: list[Fault]) -> dict[str, list[float]]:
     return begins
 
 
+def clear_from(times: Array, flags: NDArray[np.bool_], end: float) -> float | None:
+    """When a signal stays unflagged after the end of its fault (s), None if it never does."""
+    next_flag = np.minimum.accumulate(np.where(flags, times, np.inf)[::-1])[::-1]
+    return first(times, (times >= end) & (next_flag - times >= CLEAR_FOR))
+
+
 def _window(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
     """One fault: delays, blame, kind, size, and how well the signals were rebuilt.
 
@@ -293,7 +299,7 @@ def _window(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
     for name in fault.signals:
         flags = view.flags[name]
         at = first(times, flags & inside)
-        clear = first(times, _stays_clear(times, flags) & (times >= end))
+        clear = clear_from(times, flags, end)
         gone = view.silent[name]
         back = first(times, ~gone & view.ready[name] & ~flags & (times >= end))
         signals[name] = {
@@ -320,13 +326,6 @@ def _window(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
         ],
         "rebuilt": _rebuilt(view, healthy, fault, inside, times, start),
     }
-
-
-def _stays_clear(times: Array, flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Where a signal is not flagged, and will not be for a moment."""
-    flagged_at = np.where(flags, times, np.inf)
-    next_flag = np.minimum.accumulate(flagged_at[::-1])[::-1]
-    return next_flag - times >= CLEAR_FOR
 
 
 def _after(at: float | None, zero: float) -> float | None:
