@@ -13,6 +13,7 @@ from rosbags.highlevel import AnyReader
 from test_live_equals_offline import drive
 
 from lfd_bringup.recorder import RecorderNode
+from lfd_mpc.node_process import LEAVING
 from lfd_replay.drive import Drive
 from lfd_replay.drive_bag import write_drive
 from lfd_replay.faults import FaultInjector, parse_faults
@@ -155,7 +156,7 @@ def test_a_mistake_ends_with_one_line_and_status_2(
 
 
 STOPPED = """
-import os, signal, sys, time
+import ctypes, os, signal, sys, time
 from rclpy.node import Node
 from std_msgs.msg import String
 from lfd_mpc.node_process import run_node
@@ -201,6 +202,11 @@ class Running(Node):
         super().__init__("running")
         self.timer = self.create_timer(0.01, lambda: print("it runs", flush=True))
 
+class NeverLeaves(Running):
+    def destroy_node(self):
+        # In C, with Python's lock.
+        ctypes.PyDLL(None).sleep(60)
+
 class ByItself(Node):
     def __init__(self):
         super().__init__("wrong")
@@ -234,21 +240,37 @@ def test_a_node_that_is_stopped_ends_in_peace(name: str) -> None:
     assert busy.stdout == "the step is whole\n"
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
-def test_a_node_that_is_told_again_and_again_ends_in_peace(name: str) -> None:
-    """From a terminal and from `ros2 launch` at the same time, or by an impatient user."""
+def running(kind: str) -> subprocess.Popen[str]:
+    """A process of such a node, which says so."""
     process = subprocess.Popen(
-        [sys.executable, "-c", STOPPED.format(name=name, kind="Running")],
+        [sys.executable, "-c", STOPPED.format(name="SIGINT", kind=kind)],
         env={**os.environ, "ROS_DOMAIN_ID": str(next_domain())},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
     assert process.stdout is not None and process.stdout.readline() == "it runs\n"
+    return process
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_node_that_is_told_again_and_again_ends_in_peace(name: str) -> None:
+    """From a terminal and from `ros2 launch` at the same time, or by an impatient user."""
+    process = running("Running")
     while process.poll() is None:
         process.send_signal(getattr(signal, name))
         time.sleep(0.005)
     _, errors = process.communicate(timeout=30)
+    assert (process.returncode, errors) == (0, "")
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_node_that_the_middleware_does_not_let_go_ends_in_time(name: str) -> None:
+    process = running("NeverLeaves")
+    process.send_signal(getattr(signal, name))
+    told = time.monotonic()
+    _, errors = process.communicate(timeout=30)
+    assert LEAVING - 0.1 < time.monotonic() - told < 5.0
     assert (process.returncode, errors) == (0, "")
 
 

@@ -20,7 +20,16 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from lfd_mpc.collector import without_collector
+from lfd_mpc.deadline import Deadline
 from lfd_mpc.errors import UserError
+
+LEAVING = 2.0
+"""Seconds within which a node that was told to end has left ROS; it takes 0.15 s.
+
+Where DDS was built with an old C++ library, as for the wheels, it waits for ever if it leaves just
+while it hears that another node left (https://github.com/eProsima/Fast-DDS/issues/6513): one end in
+a thousand where all nodes of a graph are ended at the same time.
+"""
 
 
 def make_executor(context: Context | None = None) -> Executor:
@@ -43,17 +52,25 @@ class _Signals:
     def __init__(self) -> None:
         self.told = False
         self.at_once = True
+        self._leaves_within: float | None = None
+        self._deadline: Deadline | None = None
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        self.told = True
+        first, self.told = not self.told, True
+        if first and self._leaves_within is not None:
+            self._deadline = Deadline(self._leaves_within)
         if self.at_once:
             self.at_once = False
             raise KeyboardInterrupt
 
     @contextmanager
-    def taken(self) -> Iterator[None]:
-        """Signals come here until the end; once told, nothing comes to the end of the process."""
+    def taken(self, leaves_within: float | None) -> Iterator[None]:
+        """Signals come here until the end; once told, nothing comes to the end of the process.
+
+        If that end does not come within so many s of the first one, the process ends.
+        """
         self.told, self.at_once = False, True
+        self._leaves_within = leaves_within
         numbers = (signal.SIGINT, signal.SIGTERM)
         before = {number: signal.signal(number, self) for number in numbers}
         try:
@@ -62,6 +79,9 @@ class _Signals:
             for number, handler in before.items():
                 # Python's own end gives signals that it handles back to the system.
                 signal.signal(number, signal.SIG_IGN if self.told else handler)
+            if self._deadline is not None:
+                self._deadline.lift()
+                self._deadline = None
 
 
 _signals = _Signals()
@@ -107,8 +127,10 @@ def _refuse_pretended_security() -> None:
 
 
 @contextmanager
-def ros_started(args: list[str] | None) -> Iterator[None]:
+def ros_started(args: list[str] | None, leaves_within: float | None = None) -> Iterator[None]:
     """ROS, seen by this machine alone unless the environment says otherwise; left at the end.
+
+    Told to end it is left within so many s, or the process ends with status 0, if that is given.
 
     Raises UserError for security that was asked for but would not be enforced, KeyboardInterrupt
     for SIGINT and SIGTERM.
@@ -116,7 +138,7 @@ def ros_started(args: list[str] | None) -> Iterator[None]:
     _refuse_pretended_security()
     if "ROS_STATIC_PEERS" not in os.environ:
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    with _signals.taken():
+    with _signals.taken(leaves_within):
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         try:
             yield
@@ -125,9 +147,9 @@ def ros_started(args: list[str] | None) -> Iterator[None]:
 
 
 @contextmanager
-def joined(args: list[str] | None) -> Iterator[float]:
+def joined(args: list[str] | None, leaves_within: float | None = None) -> Iterator[float]:
     """ROS joined, since the `time.monotonic()` that is given. Otherwise as `ros_started`."""
-    with ros_started(args):
+    with ros_started(args, leaves_within):
         # A context joins with its first node; hidden, as its name begins with an underscore.
         first = rclpy.create_node(
             "_joining",
@@ -152,7 +174,7 @@ def run_node(load: Callable[[], Callable[[], Node]], args: list[str] | None = No
         print("Options are ROS arguments: --ros-args -p NAME:=VALUE --params-file FILE -r FROM:=TO")
         return 0
     try:
-        with joined(args):
+        with joined(args, LEAVING):
             _spin(load)
     except UserError as error:
         print(error, file=sys.stderr)
