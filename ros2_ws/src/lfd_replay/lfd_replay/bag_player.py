@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.node_process import deliver, make_executor, ros_started
+from lfd_mpc.node_process import LEAVING, deliver, make_executor, ros_started
 from lfd_replay.command_line import add_drive_options, warn
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
@@ -101,7 +101,7 @@ def main_play(arguments: list[str]) -> int:
         wait_for = list(GRAPH_NODES) if playing.rate == 0.0 else []
 
     try:
-        with ros_started(arguments):
+        with ros_started(arguments, LEAVING):
             player = PlayerNode(samples, playing, wait_for)
             executor = make_executor()
             executor.add_node(player)
