@@ -1,0 +1,27 @@
+"""A process ends by its deadline, whatever it is doing, and goes on if that was lifted."""
+
+import subprocess
+import sys
+
+import pytest
+
+WAITS = {
+    "in Python": "time.sleep(30)",
+    "in C, with Python's lock": "ctypes.PyDLL(None).sleep(30)",
+    "in C, without it": "ctypes.CDLL(None).sleep(30)",
+}
+
+
+def status_of(text: str) -> int:
+    code = f"import ctypes, sys, time\nfrom lfd_mpc.deadline import Deadline\n{text}\nsys.exit(5)"
+    return subprocess.run([sys.executable, "-c", code], timeout=20, check=False).returncode
+
+
+@pytest.mark.parametrize("waits", WAITS.values(), ids=WAITS.keys())
+def test_a_process_ends_by_its_deadline(waits: str) -> None:
+    assert status_of(f"Deadline(0.2)\n{waits}") == 0
+
+
+def test_a_process_whose_deadline_was_lifted_goes_on() -> None:
+    assert status_of("Deadline(0.2).lift()\ntime.sleep(0.5)") == 5
+    assert status_of("Deadline(60.0)") == 5
