@@ -284,6 +284,19 @@ def test_a_car_that_brakes_to_rest_jerks_back(car: Car) -> None:
         swing = -3.0 * np.exp(-0.05 * k) * np.cos(0.14 * k)
         car.step(acceleration=swing, host_speed_is=0.0)
     assert not car.faults_since(start)
+    assert {o.report.acceleration.state for o in car.outcomes[start:]} <= {State.OK, State.SUSPECT}
+
+
+@pytest.mark.parametrize(("jump", "faults"), [(4.5, set()), (6.5, {"acceleration"})])
+def test_as_a_car_comes_to_rest_what_jumps_by_more_than_it_braked_is_a_fault(
+    car: Car, jump: float, faults: set
+) -> None:
+    """Its limit without the speed, 2.5 m/s^2, is wider by the 3 m/s^2 that it stops from."""
+    start = car.number
+    car.brake(0.2, 3.0, to=0.1)
+    for k in range(40):
+        car.step(acceleration=jump if k >= 15 else 0.0, host_speed_is=0.0)
+    assert car.faults_since(start) == faults
 
 
 def test_what_shakes_a_standing_car_is_no_fault(standing: Car) -> None:

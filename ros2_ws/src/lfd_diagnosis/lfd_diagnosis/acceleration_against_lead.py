@@ -31,7 +31,7 @@ from lfd_diagnosis.healthy_signal import (
     share_of,
     start_ring,
 )
-from lfd_diagnosis.host_speed import came_to_rest, is_believed
+from lfd_diagnosis.host_speed import is_believed
 from lfd_diagnosis.lead_report import is_trusted
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
@@ -141,8 +141,7 @@ def against_lead(monitor, settings, relative_velocity, lead_report):
         return
     if is_trusted(lead_report, settings):
         _against_report(monitor, settings, lead_report)
-    # A car that has braked to rest jerks back as it does at no other time.
-    if settings.use_observers and not came_to_rest(monitor.speed):
+    if settings.use_observers:
         _against_observers(monitor, settings, relative_velocity)
 
 
@@ -204,6 +203,8 @@ def _jump_limit(monitor, settings):
     limit = settings.jump_limit * (SHAKEN_LIMIT if monitor.shaken else 1.0)
     noise = sqrt(2.0) * shaking_left(monitor, SHARP * STEP_S)
     least = max(limit, SHAKEN_SIGMA * noise, JUMP_SIGMA * deviation(monitor.jump_noise))
+    # A car that has braked to rest jerks back as it does at no other time.
+    least += monitor.stops_from
     return least * (1.0 + 2.0 * max(0.0, 1.0 - monitor.jump_noise.count / WARM_UP))
 
 

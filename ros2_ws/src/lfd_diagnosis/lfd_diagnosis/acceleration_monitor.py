@@ -183,9 +183,13 @@ def _follow_braking(monitor, value):
     in m/s^2, NaN if there is none."""
     monitor.braked *= 1.0 - BRAKING_FADES
     monitor.jolt = 0.0
+    if not came_to_rest(monitor.speed):
+        monitor.stops_from = 0.0
     if isnan(value):
         return
     monitor.braked = max(monitor.braked, monitor.slope - monitor.filtered)
+    if came_to_rest(monitor.speed):
+        monitor.stops_from = max(monitor.stops_from, monitor.braked)
     ends = monitor.slope - value < ENDS * monitor.braked
     if monitor.braked > BRAKED and (ends or came_to_rest(monitor.speed)):
         monitor.jolt = monitor.braked

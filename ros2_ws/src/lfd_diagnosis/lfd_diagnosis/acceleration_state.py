@@ -61,6 +61,7 @@ ACCELERATION = np.dtype(
         ("acceleration", "f8"),
         ("braked", "f8"),
         ("jolt", "f8"),
+        ("stops_from", "f8"),
         # The samples.
         ("last_at", "f8"),
         ("fresh", "?"),
@@ -148,7 +149,8 @@ ACCELERATION = np.dtype(
     align=True,
 )
 """State of the acceleration signal; `acceleration` (m/s^2) is how the host really accelerates,
-`braked` how hard it lately braked, and `jolt` the same while that may have ended at once.
+`braked` how hard it lately braked, `jolt` the same while that may have ended at once, and
+`stops_from` while it comes to rest.
 
 `taken` (m/s^2): the newest sample that was taken; while newer ones leap from it, since `leapt_at`
 (s), they are `doubted`. `felt` (m/s^2): the mean of what a faulty one and the speed differ by;
@@ -196,7 +198,7 @@ def restart_acceleration(monitor):
     monitor.before = monitor.relative_before = 0.0
     monitor.relative, monitor.radar_gone = 0.0, RADAR_GONE
     monitor.jump_sign = 0.0
-    monitor.braked = monitor.jolt = 0.0
+    monitor.braked = monitor.jolt = monitor.stops_from = 0.0
     monitor.acceleration = 0.0
     monitor.ended_size, monitor.ended_for = np.nan, 0.0
 
