@@ -216,14 +216,27 @@ sys.exit(run_node(lambda: {kind}, []))
 """
 
 
-def stopped(name: str, kind: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
+def started(kind: str, name: str = "SIGINT") -> subprocess.Popen[str]:
+    """A process of such a node, which sends itself that signal, if any."""
+    return subprocess.Popen(
         [sys.executable, "-c", STOPPED.format(name=name, kind=kind)],
         env={**os.environ, "ROS_DOMAIN_ID": str(next_domain())},
-        capture_output=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
-        timeout=30,
     )
+
+
+def ended(process: subprocess.Popen[str]) -> subprocess.CompletedProcess[str]:
+    try:
+        output, errors = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    return subprocess.CompletedProcess(process.args, process.returncode, output, errors)
+
+
+def stopped(name: str, kind: str) -> subprocess.CompletedProcess[str]:
+    return ended(started(kind, name))
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
@@ -241,14 +254,8 @@ def test_a_node_that_is_stopped_ends_in_peace(name: str) -> None:
 
 
 def running(kind: str) -> subprocess.Popen[str]:
-    """A process of such a node, which says so."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", STOPPED.format(name="SIGINT", kind=kind)],
-        env={**os.environ, "ROS_DOMAIN_ID": str(next_domain())},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    """A process of such a node, which runs."""
+    process = started(kind)
     assert process.stdout is not None and process.stdout.readline() == "it runs\n"
     return process
 
@@ -260,8 +267,8 @@ def test_a_node_that_is_told_again_and_again_ends_in_peace(name: str) -> None:
     while process.poll() is None:
         process.send_signal(getattr(signal, name))
         time.sleep(0.005)
-    _, errors = process.communicate(timeout=30)
-    assert (process.returncode, errors) == (0, "")
+    done = ended(process)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
@@ -269,9 +276,9 @@ def test_a_node_that_the_middleware_does_not_let_go_ends_in_time(name: str) -> N
     process = running("NeverLeaves")
     process.send_signal(getattr(signal, name))
     told = time.monotonic()
-    _, errors = process.communicate(timeout=30)
+    done = ended(process)
     assert LEAVING - 0.1 < time.monotonic() - told < 5.0
-    assert (process.returncode, errors) == (0, "")
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_a_mistake_of_a_nodes_own_is_no_peaceful_end() -> None:

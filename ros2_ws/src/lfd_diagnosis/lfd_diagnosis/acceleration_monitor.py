@@ -181,18 +181,13 @@ def coast_acceleration(monitor):
 def _follow_braking(monitor, value):
     """How hard the host lately braked, and whether that may have ended at once; the newest sample
     in m/s^2, NaN if there is none."""
+    rests, heard = came_to_rest(monitor.speed), not isnan(value)
     monitor.braked *= 1.0 - BRAKING_FADES
-    monitor.jolt = 0.0
-    if not came_to_rest(monitor.speed):
-        monitor.stops_from = 0.0
-    if isnan(value):
-        return
-    monitor.braked = max(monitor.braked, monitor.slope - monitor.filtered)
-    if came_to_rest(monitor.speed):
-        monitor.stops_from = max(monitor.stops_from, monitor.braked)
-    ends = monitor.slope - value < ENDS * monitor.braked
-    if monitor.braked > BRAKED and (ends or came_to_rest(monitor.speed)):
-        monitor.jolt = monitor.braked
+    if heard:
+        monitor.braked = max(monitor.braked, monitor.slope - monitor.filtered)
+    monitor.stops_from = max(monitor.stops_from, monitor.braked) if rests else 0.0
+    ends = rests or monitor.slope - value < ENDS * monitor.braked
+    monitor.jolt = monitor.braked if heard and ends and monitor.braked > BRAKED else 0.0
 
 
 @inner

@@ -42,8 +42,7 @@ class Deadline:
         notice = _Notice(value=0, way=_SIGEV_THREAD, function=leave)
         timer = ctypes.byref(self._timer)
         self._check(self._system.timer_create(_CLOCK_MONOTONIC, ctypes.byref(notice), timer))
-        whole = int(seconds)
-        times = _Times(after_s=whole, after_ns=int((seconds - whole) * 1e9))
+        times = _Times(after_s=int(seconds), after_ns=int(seconds % 1.0 * 1e9))
         self._check(self._system.timer_settime(self._timer, 0, ctypes.byref(times), None))
 
     def lift(self) -> None:
