@@ -120,6 +120,22 @@ def test_a_road_that_bends_is_no_fault(slope: float, seconds: float) -> None:
     assert car.delay("acceleration", jump) <= 0.3
 
 
+@pytest.mark.parametrize("rates", [(1.2, 0.6, 2.4), (1.6, 0.6, 1.8)])
+def test_a_road_that_bends_in_turns_is_no_fault(rates: tuple[float, float, float]) -> None:
+    """Down, and up again: faster, slower, and faster again (m/s^3)."""
+    car, slope = Car(), 0.0
+    car.speed = 13.5
+    for k in range(1500):
+        slope = -1.5 * min(k / 900, 1.0)
+        car.step(acceleration=slope)
+    start = car.number
+    for rate, seconds in zip((0.0, *rates, 0.0), (3.0, 0.6, 0.3, 0.9, 2.0), strict=True):
+        for _ in range(round(seconds * 100)):
+            slope += 0.01 * rate
+            car.step(acceleration=slope)
+    assert not car.faults_since(start)
+
+
 @pytest.mark.parametrize(
     ("slope", "seconds", "speed", "settings"),
     [

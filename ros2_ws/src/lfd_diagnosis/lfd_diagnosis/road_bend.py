@@ -37,11 +37,13 @@ ROAD_BEND = np.dtype(
         ("steps", "i8"),
         ("since", "i8"),
         ("bent", "f8"),
+        ("level", "f8"),
     ],
     align=True,
 )
 """Lately: differences between accelerometer and speed, and the speed's derivatives, in m/s^2;
-`since`: values since a bend; `bent`: by how much it did beyond a drift."""
+`since`: values since a bend; `bent`: by how much it did beyond a drift; `level`: the difference as
+it last did."""
 
 
 @inner
@@ -74,7 +76,11 @@ def follow_bend(bend, jump, difference, derivative, speed, steepest):
     if bend.since:
         bend.since += 1
     now = slope_now(bend)
-    changed = now - mean_of(bend.differences, 0, MEAN)
+    before = mean_of(bend.differences, 0, MEAN)
+    if bend.bent >= SURE and bend.since < KEPT - MEAN:
+        # What is older than a bend says nothing of how the road goes on from there.
+        before = bend.level
+    changed = now - before
     if abs(changed) < FASTER + jump_deviation(jump) or abs(now) > steepest:
         return 0.0
     if not (SLOWEST <= speed <= FASTEST and _is_steady(bend)):
@@ -85,6 +91,7 @@ def follow_bend(bend, jump, difference, derivative, speed, steepest):
     bend.bent += abs(changed) - DRIFT
     if bend.bent < SURE:
         changed -= DRIFT if changed > 0.0 else -DRIFT
+    bend.level = now
     differences = bend.differences
     for i in range(KEPT - MEAN):
         differences.values[(differences.next + i) % KEPT] += changed
