@@ -88,7 +88,6 @@ from lfd_diagnosis.travelled_path import (
     is_explainable,
     path_drift,
     path_limit,
-    was_there,
 )
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
@@ -457,10 +456,6 @@ def _suspect(radar, settings, signal, of_clearance, changed):
             measured = radar.measured_clearance if of_clearance else radar.measured_velocity
             rebase(radar.track, signal, measured.value, of_clearance)
             acquit(signal)
-        elif is_bad(signal) and of_clearance and settings.check_drift and _comes_back(radar):
-            rebase(radar.track, signal, radar.measured_clearance.value, True)
-            acquit(signal)
-            clear_path(radar.path)
         elif is_bad(signal) and not of_clearance and _ends_a_drift(radar):
             _trust_both(radar)
         elif is_bad(signal) and not of_clearance and catches_up(radar, settings):
@@ -509,15 +504,6 @@ def _came_back_with_the_other(radar, signal, of_clearance):
     nobody saw in this one."""
     other = radar.velocity if of_clearance else radar.clearance
     return other.faulty and signal.last_at - other.jumped_back_at <= SAME_SCAN * radar.period
-
-
-@inner
-def _comes_back(radar):
-    """Whether the clearance jumps to where it lay beside a healthy relative velocity's path."""
-    clearance, velocity = radar.measured_clearance, radar.measured_velocity
-    if radar.velocity.faulty or not velocity.new:
-        return False
-    return was_there(radar.path, clearance.at, clearance.value, velocity.value)
 
 
 @inner

@@ -4,13 +4,9 @@ import numpy as np
 
 from lfd_diagnosis.healthy_signal import (
     LEARNT_NOISE,
-    RING,
-    append,
-    at,
     deviation,
     learn_noise,
     start_noise,
-    start_ring,
 )
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
@@ -59,18 +55,11 @@ which that explains a difference, and points that are needed on either side."""
 SUDDEN, SUDDEN_SHARE = 0.8, 0.7
 """Seconds in which no drift goes such a share of the way to its limit."""
 
-BACK_DOUBT, SLOWLY = 0.25, 0.4
-"""Shares of a jump of the clearance by which it may miss what it comes back to, and that it went at
-once from there at most."""
-
 STEPS = 2.5
 """Steps of the clearance's resolution that a drift may seem to have."""
 
 LONGER = 1.4
 """How many times more the two may come apart over two windows than over one."""
-
-LEVELS, LEVEL_TIME = 32, 0.5
-"""How often it is remembered where a clearance lay beside the path, and seconds in between."""
 
 LEARNT_OF_IT = 0.92
 """Share of a drift's variance that is learnt: not what goes on to one side for two windows."""
@@ -86,8 +75,6 @@ TRAVELLED_PATH = np.dtype(
     [
         ("noise", LEARNT_NOISE),
         ("points", "f8", (POINTS, 3)),
-        ("levels", RING),
-        ("level_at", "f8"),
         ("reach", "f8"),
         ("first", "i8"),
         ("count", "i8"),
@@ -100,7 +87,7 @@ TRAVELLED_PATH = np.dtype(
 """What the clearance is off from the path travelled, over the last seconds.
 
 `points` are time (s), that difference (m) and how far the velocity was off from its prediction
-(m/s); `levels` are that difference every now and then over a longer time, the last one `level_at`.
+(m/s).
 `reach`: seconds of path that tell who is wrong.
 """
 
@@ -123,8 +110,7 @@ def start_path(path, learn):
 def clear_path(path):
     """The path begins anew at the next scan."""
     path.first = path.count = 0
-    path.then = path.level_at = -np.inf
-    start_ring(path.levels, LEVELS)
+    path.then = -np.inf
     path.clearance = path.velocity = np.nan
 
 
@@ -185,32 +171,9 @@ def follow_path(path, settings, time, clearance, velocity, step):
     new = _point(path, path.count)
     points[new, 0], points[new, 1], points[new, 2] = time, off, step
     path.count += 1
-    if time - path.level_at >= LEVEL_TIME:
-        append(path.levels, off)
-        path.level_at = time
     while time - points[path.first, 0] > 2.0 * settings.drift_window + 1.0:
         path.first, path.count = _point(path, 1), path.count - 1
     path.then, path.clearance, path.velocity = time, clearance, velocity
-
-
-@inner
-def was_there(path, time, clearance, velocity):
-    """Whether a clearance that jumps lies beside the path where it lay before: it had drifted away
-    from there, too slowly to be told."""
-    if not path.count:
-        return False
-    level = path.points[_point(path, path.count - 1), 1]
-    now = _beside(path, time, clearance, velocity)
-    jump = abs(now - level)
-    for i in range(path.levels.count):
-        before = at(path.levels, path.levels.count - 1 - i)
-        if abs(before - level) > SLOWLY * jump:
-            # From there it did not drift.
-            return False
-        if abs(before - now) <= BACK_DOUBT * jump:
-            return True
-        level = before
-    return False
 
 
 @inner
