@@ -177,7 +177,7 @@ def against_speed(monitor, settings):
 def _follow_road(monitor, settings, off):
     """A road that bends is another slope."""
     bend, speed = monitor.bend, monitor.speed
-    told = tells_of_bends(speed, settings)
+    told = tells_of_bends(speed, settings) and not monitor.leapt_for
     steepest = settings.steepest_road if told else 0.0
     bent = follow_bend(bend, monitor.jump, off, speed.derivative, speed.last, steepest)
     if has_bent(bend):
