@@ -132,6 +132,17 @@ def test_a_lead_that_is_not_seen_stops_the_car(lost: dict) -> None:
     assert drive.on(0.02).action == ACTION.FOLLOW
 
 
+@pytest.mark.parametrize("lost", [("clearance",), ("clearance", "relative_velocity")])
+def test_time_that_goes_back_puts_nothing_off(lost: tuple[str, ...]) -> None:
+    drive = Drive()
+    drive.on(100.0)
+    states = dict.fromkeys(lost, State.FAULT)
+    drive.on(0.3, **states)
+    drive.number = 0
+    decision = drive.on(CHOSEN.take_over_after + CHOSEN.stop_after + 0.1, **states)
+    assert decision.action == ACTION.STOP
+
+
 def test_a_lead_that_was_braking_is_expected_to_go_on() -> None:
     both = {"clearance": State.FAULT, "relative_velocity": State.FAULT}
     for braking, action in ((-1.4, ACTION.WARN), (-1.6, ACTION.STOP), (-6.0, ACTION.STOP)):
@@ -211,6 +222,8 @@ def test_the_node_answers_each_report_once_and_latches_changes() -> None:
         assert (last.level, last.action) == (DecisionMessage.DEGRADED, 1)
         assert last.clearance == 30.0 and not last.clearance_usable and last.acceleration_usable
         assert last.since.nanosec == 21 * STEP and "clearance FAULT" in last.reason
+        # Counted anew: no half of the step that was lost.
+        others.publish(to_message(replace(made(10), stamp=10**12), ReconstructedState()))
         # No step: the sensors are silent, and so is what could make up for them.
         none = report(41, clearance=State.NO_DATA, relative_velocity=State.NO_DATA)
         reports.publish(to_message(replace(none, step=0), FaultReport()))

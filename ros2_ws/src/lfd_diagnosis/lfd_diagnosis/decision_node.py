@@ -39,8 +39,8 @@ class DecisionNode(Node):
         super().__init__("decision_node", context=context, **node_options)
         settings = declare_settings(self, DecisionSettings, self._change)
         self._core = DecisionMaker(settings)
-        self._reports: dict[int, Report] = {}
-        self._made: dict[int, Reconstruction] = {}
+        self._reports: dict[tuple[int, int], Report] = {}
+        self._made: dict[tuple[int, int], Reconstruction] = {}
         self._last: Decided | None = None
         self._decisions = self.create_publisher(Decision, "diagnosis/decision", PIPELINE_QOS)
         self._changes = self.create_publisher(Decision, "diagnosis/decision_changes", EVENT_QOS)
@@ -63,21 +63,24 @@ class DecisionNode(Node):
         return [Health("fault level", "", LEVELS[last.level], message, values)]
 
     def _on_report(self, message: FaultReport) -> None:
-        if message.step:
-            self._reports[message.step] = from_message(Report, message)
-            self._answer(message.step)
+        report = from_message(Report, message)
+        if report.step:
+            self._reports[report.step, report.stamp] = report
+            self._answer(report)
         else:
             # Nothing arrives: this is no step, and what it says is not made up for.
-            report = from_message(Report, message)
             self._decide(report, _nothing(report.stamp))
 
     def _on_made(self, message: ReconstructedState) -> None:
-        self._made[message.step] = from_message(Reconstruction, message)
-        self._answer(message.step)
+        made = from_message(Reconstruction, message)
+        self._made[made.step, made.stamp] = made
+        self._answer(made)
 
-    def _answer(self, step: int) -> None:
-        if step in self._reports and step in self._made:
-            self._decide(self._reports.pop(step), self._made.pop(step))
+    def _answer(self, half: Report | Reconstruction) -> None:
+        # Steps are counted anew where the controller is started anew.
+        key = half.step, half.stamp
+        if key in self._reports and key in self._made:
+            self._decide(self._reports.pop(key), self._made.pop(key))
         for waiting in (self._reports, self._made):
             while len(waiting) > WAITING:
                 waiting.pop(next(iter(waiting)))

@@ -117,11 +117,11 @@ class DecisionMaker:
             if others:
                 return FaultLevel.DEGRADED, Action.FOLLOW_FROM_AFAR, _because(report, others)
             return FaultLevel.NORMAL, Action.FOLLOW, ""
-        self._lost_since = now if self._lost_since is None else self._lost_since
+        self._lost_since = now if self._lost_since is None else min(self._lost_since, now)
         drifts = any(getattr(report, name).kind == Kind.RAMP for name in lost)
         blind = len(lost) == 2 or drifts or self._blind_since is not None
-        if blind and self._blind_since is None:
-            self._blind_since = now
+        if blind:
+            self._blind_since = now if self._blind_since is None else min(self._blind_since, now)
         why = _because(report, lost + others)
         missing = [name for name in lost if not getattr(made, f"{name}_valid")]
         self._deceleration = settings.stopping_deceleration

@@ -13,10 +13,12 @@ CAR = (4.5, 1.8, 1.5)
 """Length, width and height in m of a car that is drawn."""
 
 COLOURS = {
-    State.OK: (0.2, 0.7, 0.3),
-    State.SUSPECT: (0.95, 0.7, 0.1),
     State.FAULT: (0.85, 0.1, 0.1),
+    State.SUSPECT: (0.95, 0.7, 0.1),
+    State.OK: (0.2, 0.7, 0.3),
 }
+"""Colours of states, the worst first."""
+
 GREY = (0.5, 0.5, 0.5)
 
 
@@ -67,8 +69,9 @@ def markers(horizon: Horizon, outcome: Outcome, frame: str, stamp: Time) -> Mark
     words.pose.position.z = 3.0
     words.scale.z = 0.6
     verdicts = {name: getattr(report, name) for name in SIGNALS}
-    worst = State.FAULT if State.FAULT in {v.state for v in verdicts.values()} else State.OK
-    words.color = colour_of(COLOURS[worst], 1.0)
+    states = {verdict.state for verdict in verdicts.values()}
+    worst = next((state for state in COLOURS if state in states), None)
+    words.color = colour_of(COLOURS.get(worst, GREY), 1.0)
     words.text = "\n".join(
         f"{name}: {verdict.state.name} {verdict.confidence}/{verdict.confidence_threshold}"
         for name, verdict in verdicts.items()
