@@ -256,6 +256,32 @@ def test_silence_says_no_data_for_all(car: Car) -> None:
         State.NO_DATA
     }
     assert report.step == 0 and len(events) >= 4
+    # What was there has fallen silent; a lead that never said anything has not.
+    assert {report.clearance.kind, report.acceleration.kind, report.host_speed.kind} == {
+        Kind.DROPOUT
+    }
+    assert report.lead_acceleration.kind == Kind.UNKNOWN
+    assert car.diagnosis.silence(2 * 10**10)[0].clearance.kind == Kind.DROPOUT
+    assert Car().diagnosis.silence(10**10)[0].clearance.kind == Kind.UNKNOWN
+
+
+@pytest.mark.parametrize("signal", ["clearance", "relative_velocity"])
+def test_a_sensor_that_is_said_to_have_no_noise_is_judged(signal: str) -> None:
+    car = Car(**{f"{signal}_std": 0.0})
+    car.drive(2.0)
+    car.track_id = 2
+    outcome = car.drive(6.0)
+    assert getattr(outcome.report, signal).state == State.OK
+    start = car.number
+    car.drive(1.0, **{signal: 4.0})
+    assert signal in car.faults_since(start)
+
+
+def test_reconstruction_says_which_values_are_missing_and_why(car: Car) -> None:
+    assert car.outcomes[-1].reconstruction.reason == ""
+    made = car.drive(1.0, clearance=4.0).reconstruction
+    assert made.clearance_valid and not made.relative_acceleration_valid
+    assert "relative acceleration" in made.reason
 
 
 def test_each_mechanism_can_be_switched_off() -> None:
@@ -270,6 +296,8 @@ def test_each_mechanism_can_be_switched_off() -> None:
     report = deaf.drive(2.0, acceleration=4.0).report
     assert "acceleration" not in deaf.faults_since(start)
     assert report.host_speed.state == State.NOT_READY
+    with pytest.raises(ValidationError, match="must not be below acceleration_steps"):
+        DiagnosisSettings(acceleration_steps=21)
     with pytest.raises(ValidationError, match="scan_confidence_max"):
         DiagnosisSettings(scan_confidence_max=2)
 

@@ -654,3 +654,25 @@ def test_a_speed_that_jumps_for_a_moment_does_not_end_a_jump_of_the_acceleromete
     states = drive(8.0, 2.0)
     assert set(states[states.index(State.FAULT) :]) == {State.FAULT}
     assert State.FAULT not in drive(3.0, 0.0)[150:]
+
+
+def test_where_no_speed_tells_it_a_healthy_acceleration_is_what_it_says(car: Car) -> None:
+    """On a slope, too, and whatever was suspected of it before."""
+    for k in range(1000):
+        outcome = car.step(acceleration=min(0.002 * k, 1.0))
+    car.host_speed = False
+    outcome = car.drive(1.0, acceleration=1.0)
+    assert outcome.reconstruction.acceleration == pytest.approx(1.0, abs=0.2)
+    start = car.number
+    states = set()
+    for k in range(120):
+        car.lead_acceleration = min(0.3 * k, 5.0)
+        outcome = car.step(acceleration=1.0 - car.lead_acceleration)
+        states.add(outcome.report.acceleration.state)
+    assert states <= {State.OK, State.SUSPECT} and not car.faults_since(start)
+    car.lead_acceleration = 0.0
+    car.drive(2.0, acceleration=1.0)
+    for k in range(500):
+        outcome = car.step(acceleration=1.0 + min(0.004 * k, 1.0))
+    assert outcome.reconstruction.acceleration == pytest.approx(2.0, abs=0.2)
+    assert not car.faults_since(start)

@@ -253,6 +253,16 @@ def test_a_lie_of_the_lead_is_found_out_and_blames_no_one(host_speed: bool) -> N
     assert report.acceleration.state == State.OK
 
 
+def test_what_the_lead_said_longer_ago_tells_less() -> None:
+    known = []
+    for delay in (0.0, 0.1, 1.0):
+        car = Car(lead=True, lead_report_delay=delay)
+        car.drive(8.0)
+        made = car.drive(4.0, relative_velocity=-10.0).reconstruction
+        known.append(made.relative_velocity_std)
+    assert known[0] < known[1] < known[2]
+
+
 def test_the_lead_that_falls_silent_is_said_so() -> None:
     car = Car(lead=True)
     car.drive(8.0)

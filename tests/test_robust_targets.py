@@ -458,3 +458,20 @@ def test_without_ids_a_fault_of_both_signals_does_not_pass_for_another_car() -> 
     car.drive(12.0, clearance=4.0, relative_velocity=-10.0)
     states = [outcome.report.clearance.state for outcome in car.outcomes[start + 20 :]]
     assert set(states) == {State.FAULT}
+
+
+def test_a_reference_that_was_lost_is_known_again_once_nothing_is_faulty(car: Car) -> None:
+    for k in range(800):
+        if k == 500:
+            car.track_id, car.clearance, car.velocity = 2, 60.0, -4.0
+            car.lead_acceleration = 0.5
+        car.step(clearance=0.005 * k)
+    assert "reference lost" in car.outcomes[-1].report.clearance.reason
+    car.drive(1.0)
+    car.track_id, car.clearance, car.velocity = 3, 30.0, 0.0
+    outcome = car.drive(6.0)
+    assert outcome.report.clearance.state == State.OK
+    assert outcome.reconstruction.clearance_valid
+    # Nor is what goes wrong next believed as if nothing was known of that car.
+    car.drive(8.0, clearance=4.0)
+    assert car.outcomes[-1].report.clearance.state == State.FAULT

@@ -137,6 +137,9 @@ def against_lead(monitor, settings, relative_velocity, lead_report):
         _still_off_lead(monitor, settings, lead_report)
         return
     check.ground = Ground.NONE
+    if not (monitor.confidence or monitor.jumped_for):
+        # How the lead drove before a suspicion counts no longer than that.
+        monitor.lead_reference = np.nan
     if not is_full(monitor.lead_recent) or isnan(monitor.lead):
         return
     if is_trusted(lead_report, settings):
@@ -272,6 +275,7 @@ def _against_observers(monitor, settings, relative_velocity):
     if waits(monitor) or (ends_braking(monitor) and not is_nearing(relative_velocity)):
         # It takes the radar a moment to see brakes come on, or a car that jerks back as it stops.
         monitor.confidence = 0
+        _take_if_worse(monitor.check, Ground.OBSERVERS, 0.0, 0.8 * limit)
         return
     answered = monitor.relative_now - monitor.relative
     if swings:

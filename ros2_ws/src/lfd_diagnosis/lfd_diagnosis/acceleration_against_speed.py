@@ -24,11 +24,12 @@ from lfd_diagnosis.acceleration_state import (
     shaking_left,
     swings_over_bumps,
 )
-from lfd_diagnosis.evidence import Ground, is_exceeded, set_check
+from lfd_diagnosis.evidence import Ground, is_exceeded, repeats, set_check
 from lfd_diagnosis.healthy_signal import (
     POSSIBLE_JERK,
     append,
     at,
+    beyond,
     deviation,
     is_frozen,
     is_full,
@@ -134,7 +135,7 @@ def against_speed(monitor, settings):
     _follow_own_jerk(monitor)
     off = monitor.filtered - derivative + smooth * monitor.own_jerk
     if monitor.faulty:
-        if monitor.kind == Kind.HOLD or monitor.kind == Kind.ZERO:
+        if repeats(monitor.kind):
             doubt_slope(monitor, STILL_KNOWN)
         _still_off(monitor, settings, off)
         return
@@ -241,7 +242,7 @@ def _follow_own_jerk(monitor):
     if monitor.leapt_for:
         monitor.own_jerk *= 1.0 - JERK_SHARE
     else:
-        monitor.own_jerk = own - max(-GENTLE, min(GENTLE, own))
+        monitor.own_jerk = beyond(own, GENTLE)
 
 
 @inner

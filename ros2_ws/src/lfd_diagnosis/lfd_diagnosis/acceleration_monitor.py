@@ -37,7 +37,8 @@ from lfd_diagnosis.acceleration_state import (
     newest_sample,
     swings_over_bumps,
 )
-from lfd_diagnosis.evidence import Ground, give_ground, is_exceeded
+from lfd_diagnosis.confidence import counted
+from lfd_diagnosis.evidence import Ground, give_ground, is_exceeded, is_gauged
 from lfd_diagnosis.healthy_signal import (
     POSSIBLE_JERK,
     SAME_STAMP,
@@ -286,10 +287,7 @@ def judge_acceleration(
         against_speed(monitor, settings)
     else:
         forget_baseline(monitor)
-        restart_jump(monitor.jump)
-        start_bend(monitor.bend)
-        if not monitor.faulty:
-            doubt_slope(monitor, STILL_KNOWN)
+        _lose_slope(monitor, STILL_KNOWN)
         against_lead(monitor, settings, relative_velocity, lead_report)
     exceeded = is_exceeded(check)
     _count(monitor, settings, exceeded)
@@ -305,7 +303,7 @@ def judge_acceleration(
         and (not is_standing(speed) if usable else should_change)
     )
     rough = settings.check_roughness and _seems_rough(monitor, usable)
-    held = frozen and (not monitor.faulty or _is_gauged(monitor))
+    held = frozen and (not monitor.faulty or is_gauged(monitor.kind))
     if held:
         if monitor.faulty:
             # What looked like an offset was where it stopped.
@@ -369,6 +367,13 @@ def _judge_nothing(monitor, worth):
     monitor.confidence, monitor.corrected = 0, False
     monitor.ended_for += STEP_S
     monitor.check.ground = Ground.NONE
+    _lose_slope(monitor, worth)
+
+
+@inner
+def _lose_slope(monitor, worth):
+    """Nothing tells how the road goes on; what its slope was is `worth` so many seconds of
+    learning."""
     restart_jump(monitor.jump)
     start_bend(monitor.bend)
     if not monitor.faulty:
@@ -390,12 +395,6 @@ def _should_have_changed(monitor, settings, usable, relative_velocity):
     zero_for = speed.derivative + monitor.slope
     doubt = ZERO_SIGMA * deviation(monitor.slow_noise)
     return monitor.repetition.value == 0.0 and abs(zero_for) > change + doubt
-
-
-@inner
-def _is_gauged(monitor):
-    """Whether it is said to be off by some figure."""
-    return monitor.kind == Kind.OFFSET or monitor.kind == Kind.RAMP
 
 
 @inner
@@ -434,9 +433,7 @@ def _count(monitor, settings, exceeded):
         if monitor.confidence == 0:
             monitor.new_samples = 0
         monitor.new_samples += monitor.fresh and _newest_disagrees(monitor)
-        monitor.confidence = min(monitor.confidence + 1, settings.confidence_max)
-    else:
-        monitor.confidence = max(monitor.confidence - 1, 0)
+    monitor.confidence = counted(monitor.confidence, exceeded, settings.confidence_max)
 
 
 @inner
@@ -474,7 +471,7 @@ def _requalify(monitor, settings, disagrees):
             # What the slope is by now nobody has seen.
             monitor.slope_known = min(monitor.slope_known, STILL_KNOWN)
         left = monitor.check.residual
-        told = _is_gauged(monitor) and not became_another(monitor, settings)
+        told = is_gauged(monitor.kind) and not became_another(monitor, settings)
         monitor.ended_size, monitor.ended_for = monitor.size if told else np.nan, 0.0
         forgive_acceleration(monitor)
         if drifted:
@@ -511,7 +508,7 @@ def expected_acceleration(monitor, settings):
         slope = monitor.slope if isnan(monitor.reference) else monitor.reference
         return monitor.acceleration + slope
     if isnan(monitor.lead_reference) or isnan(monitor.lead):
-        return monitor.acceleration
+        return monitor.acceleration + monitor.slope
     return monitor.lead_reference - monitor.relative_slow
 
 

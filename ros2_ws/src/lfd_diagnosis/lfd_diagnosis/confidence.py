@@ -9,13 +9,17 @@ from lfd_mpc.compiled import entry, inner
 
 
 @inner
+def counted(confidence, exceeded, ceiling):
+    """Count one step up or down, between 0 and `ceiling`."""
+    return min(confidence + 1, ceiling) if exceeded else max(confidence - 1, 0)
+
+
+@inner
 def next_confidence(confidence, index, index_threshold, ceiling):
-    """Count one step, between 0 and `ceiling`; an undefined index (NaN) starts from zero again."""
+    """Count one step; an undefined index (NaN) starts from zero again."""
     if isnan(index):
         return 0
-    if index >= index_threshold:
-        return min(confidence + 1, ceiling)
-    return max(confidence - 1, 0)
+    return counted(confidence, index >= index_threshold, ceiling)
 
 
 @entry

@@ -4,6 +4,7 @@ from enum import IntEnum
 
 import numpy as np
 
+from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 
 
@@ -41,6 +42,18 @@ CHECK = np.dtype(
 )
 """What one kind of evidence says: how far off, how far it may be, and since what; a ground of NONE
 where there is nothing to hold a signal against."""
+
+
+@inner
+def repeats(kind):
+    """Whether a fault of that kind is that a signal says the same again and again."""
+    return kind == Kind.HOLD or kind == Kind.ZERO
+
+
+@inner
+def is_gauged(kind):
+    """Whether a fault of that kind is off by some figure."""
+    return kind == Kind.OFFSET or kind == Kind.RAMP
 
 
 @inner

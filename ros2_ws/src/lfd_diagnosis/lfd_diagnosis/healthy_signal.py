@@ -7,8 +7,8 @@ import numpy as np
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
 
-LEARNT = 400
-"""Samples over which noise is averaged once so many are known, where nothing else is stated."""
+LEARNT = 2000
+"""Samples over which roughness is averaged once so many are known."""
 
 PRIOR = 20
 """Samples that the parameter file's value counts for."""
@@ -76,6 +76,12 @@ def is_new(at, last_at):
 def as_measured(value):
     """The value, not larger than anything is measured; NaN stays."""
     return min(max(value, -LARGEST), LARGEST) if isfinite(value) else np.nan
+
+
+@inner
+def beyond(value, limit):
+    """By how much a value exceeds a limit, to the side that it is on."""
+    return value - max(-limit, min(limit, value))
 
 
 def share_of(time: float) -> float:
@@ -241,7 +247,7 @@ def take_roughness(roughness, at, value, healthy, possible):
         square = min(square, LARGEST_ROUGHNESS)
         if known:
             square = min(square, GIVE * GIVE * roughness.usual)
-        roughness.usual += (square - roughness.usual) / min(roughness.known, 5 * LEARNT)
+        roughness.usual += (square - roughness.usual) / min(roughness.known, LEARNT)
 
 
 REPETITION = np.dtype(

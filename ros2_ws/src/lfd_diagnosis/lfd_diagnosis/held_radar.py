@@ -8,6 +8,7 @@ from lfd_diagnosis.healthy_signal import (
     CHANCE,
     append,
     at,
+    beyond,
     deviation,
     is_beyond_chance,
     is_frozen,
@@ -213,8 +214,7 @@ def begin_to_hold(radar):
     # What is held was measured; a zero was not, and may be off from its first sample on.
     expected = track.velocity - velocity.age * (track.acceleration - radar.host)
     vague = EXPECTED_SIGMA * sqrt(track.vv)
-    beyond = expected - max(-vague, min(vague, expected))
-    radar.changed_while_held = beyond if velocity.value == 0.0 else 0.0
+    radar.changed_while_held = beyond(expected, vague) if velocity.value == 0.0 else 0.0
     radar.most_changed = abs(radar.changed_while_held)
     leap = max(LEAPT, LEAPT_STEPS * resolution_of(radar.velocity.roughness))
     radar.leapt_to_zero = radar.most_changed > leap
@@ -223,7 +223,7 @@ def begin_to_hold(radar):
     radar.clearance_when_held = track.clearance - velocity.age * track.velocity
     # What it lay beside the track before, beyond its noise, is no reason.
     noise = deviation(radar.clearance.noise)
-    radar.beside_when_held = radar.beside - max(-noise, min(noise, radar.beside))
+    radar.beside_when_held = beyond(radar.beside, noise)
     radar.expected_off = radar.off_while_held = radar.off_by_last = radar.most_at_once = 0.0
     radar.least_off, radar.most_off = np.inf, -np.inf
     start_ring(radar.off_lately, AT_ONCE)
@@ -413,8 +413,7 @@ def _has_left(radar, settings):
     if radar.changed_while_held * left > 0.0:
         told = min(abs(radar.changed_while_held) / _change_in_doubt(radar), 1.0)
         little *= 1.0 - CONFIRMED * told
-    gradually = left - max(-once, min(once, left))
-    return _has_left_by(radar, gradually, little + _rounded(radar))
+    return _has_left_by(radar, beyond(left, once), little + _rounded(radar))
 
 
 @inner

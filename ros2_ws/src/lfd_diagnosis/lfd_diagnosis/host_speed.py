@@ -4,7 +4,7 @@ from math import isfinite, isnan
 
 import numpy as np
 
-from lfd_diagnosis.evidence import BECAUSE, Ground, give_ground
+from lfd_diagnosis.evidence import BECAUSE, Ground, give_ground, repeats
 from lfd_diagnosis.healthy_signal import (
     LEARNT_NOISE,
     REPETITION,
@@ -456,7 +456,7 @@ def _take(speed, settings, at, value, acceleration, shaken):
         speed.quiet += period
     # A speed that jumped and goes on smoothly is as good for its derivative, but who knows; one
     # that was held is over with it when it moves.
-    held = speed.kind == Kind.HOLD or speed.kind == Kind.ZERO
+    held = repeats(speed.kind)
     if speed.kind == Kind.ZERO and value == 0.0:
         speed.quiet = 0.0
     needed = settings.requalify_time if speed.off != 0.0 and not held else settings.clear_time

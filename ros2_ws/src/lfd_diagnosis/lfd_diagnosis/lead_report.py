@@ -1,11 +1,11 @@
 """What the lead says of its own acceleration (V2V): whether it can serve as evidence."""
 
-from math import isnan
+from math import isnan, sqrt
 
 import numpy as np
 
 from lfd_diagnosis.evidence import BECAUSE, Ground, give_ground
-from lfd_diagnosis.healthy_signal import is_new, share_of
+from lfd_diagnosis.healthy_signal import as_measured, is_new, share_of
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
 
@@ -56,6 +56,13 @@ def lead_limit(settings):
 
 
 @inner
+def report_deviation(settings):
+    """How far (m/s^2) what the lead says may be off by now: what it said was so some time ago."""
+    since = settings.coasting_jerk_density * settings.lead_report_delay
+    return sqrt(settings.lead_report_std**2 + since)
+
+
+@inner
 def is_trusted(lead, settings):
     """Whether it is evidence now: it has agreed for a while with what radar and host make of it."""
     return lead.heard and not lead.faulty and lead.agreeing >= settings.requalify_time
@@ -72,13 +79,13 @@ def _distrust(lead, ground, first, second, third):
 def follow_lead_report(lead, settings, horizon, seen):
     """Take one step; `seen`: the lead's acceleration in m/s^2 without it, NaN = not known."""
     age = horizon.lead_acceleration_age
-    lead.heard = settings.use_lead_report and -1.0 < age <= settings.lead_report_timeout
+    lead.heard = settings.use_lead_report and age <= settings.lead_report_timeout
     if not lead.heard:
         lead.acceleration = lead.filtered = lead.last_at = np.nan
         lead.agreeing = lead.disagreeing = 0.0
         return
     at = horizon.stamp * 1e-9 - age
-    value = horizon.measured_lead_acceleration
+    value = as_measured(horizon.measured_lead_acceleration)
     if is_new(at, lead.last_at):
         # No car changes its acceleration as fast; what jumps is not believed, seen or not.
         limit = 5.0 * settings.lead_report_std + POSSIBLE_JERK * (at - lead.last_at)

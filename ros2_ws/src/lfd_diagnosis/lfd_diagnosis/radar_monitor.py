@@ -4,7 +4,7 @@ from math import exp, isfinite
 
 import numpy as np
 
-from lfd_diagnosis.evidence import Ground, give_ground
+from lfd_diagnosis.evidence import Ground, give_ground, repeats
 from lfd_diagnosis.healthy_signal import (
     POSSIBLE_JERK,
     as_measured,
@@ -29,6 +29,7 @@ from lfd_diagnosis.held_radar import (
     take_back_held,
     velocity_seems_held,
 )
+from lfd_diagnosis.lead_report import report_deviation
 from lfd_diagnosis.lead_track import (
     believe,
     clearance_then,
@@ -49,12 +50,10 @@ from lfd_diagnosis.radar_signal import (
     count_scan,
     deviation_about,
     drifts_by,
-    forgive,
     is_bad,
     is_held,
     learn_swing,
     may_be_outliers,
-    repeats,
 )
 from lfd_diagnosis.radar_state import (
     SLOW,
@@ -62,6 +61,7 @@ from lfd_diagnosis.radar_state import (
     USUAL_BIAS,
     WANDER_TIME,
     WANDERING,
+    forgive_signal,
     is_either_held,
     is_radar_faulty,
     is_ready,
@@ -211,7 +211,7 @@ def _predict(radar, settings, host_acceleration, host_jolt, lead_acceleration):
         keep, jerk = COAST_KEEP, settings.coasting_jerk_density + FORGETTING * off * off
         if isfinite(lead_acceleration):
             jerk = settings.coasting_jerk_density
-            inform(track, lead_acceleration, settings.lead_report_std)
+            inform(track, lead_acceleration, report_deviation(settings))
     mean = settings.lead_acceleration_mean
     predict_track(track, STEP_S, host_acceleration, keep, mean, jerk)
     track.vv += LATE * STEP_S * host_jolt**2
@@ -363,7 +363,7 @@ def _judge(radar, settings, repeated):
     if has_clearance:
         age = measured_clearance.age
     if has_velocity:
-        age = max(age, measured_velocity.age) if has_clearance else measured_velocity.age
+        age = max(age, measured_velocity.age)
     _hold_scan(radar, settings, age, repeated)
     if not repeated and has_clearance and has_velocity and _was_last_alone(radar, settings, age):
         radar.track = radar.before
@@ -382,8 +382,8 @@ def _judge(radar, settings, repeated):
     _judge_signal(radar, settings, clearance, measured_clearance, True, repeated)
     _judge_signal(radar, settings, velocity, measured_velocity, False, repeated)
     begins = velocity.faulty and not velocity_was_faulty
-    held = velocity.faulty and repeats(velocity)
-    both = repeats(clearance) and clearance.faulty and not clearance_was_faulty
+    held = repeats(velocity.kind)
+    both = repeats(clearance.kind) and not clearance_was_faulty
     if held and (begins or both):
         take_back_held(radar, settings, age)
     if begins or (held and both):
@@ -521,7 +521,7 @@ def _trust_both(radar):
     clearance, velocity, track = radar.clearance, radar.velocity, radar.track
     rebase(track, clearance, radar.measured_clearance.value, True)
     rebase(track, velocity, radar.measured_velocity.value, False)
-    forgive(clearance)
+    forgive_signal(radar, clearance)
     acquit(velocity)
     clear_path(radar.path)
 

@@ -11,7 +11,6 @@ from lfd_diagnosis.radar_signal import (
     came_back_and_shifts,
     deviation_about,
     follow_agreement,
-    forgive,
     has_not_jumped_back,
     has_stopped,
     is_bad,
@@ -22,7 +21,7 @@ from lfd_diagnosis.radar_signal import (
     size_to_tell,
     still_shows,
 )
-from lfd_diagnosis.radar_state import is_radar_faulty, wander_of
+from lfd_diagnosis.radar_state import forgive_signal, is_radar_faulty, wander_of
 from lfd_diagnosis.radar_target import begin_target
 from lfd_diagnosis.travelled_path import (
     LEAST_TIME,
@@ -73,7 +72,7 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
             rebase(track, signal, measured.value, of_clearance)
         elif has_stopped(signal, measured.at, settings.requalify_time):
             rebase(track, signal, measured.value, of_clearance)
-            forgive(signal)
+            forgive_signal(radar, signal)
             return
     spread = deviation_about(signal, track.cc if of_clearance else track.vv)
     agreeing = follow_agreement(signal, period, step, spread, settings.gate_sigma)
@@ -105,11 +104,10 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
         signal.must_agree = needed
         agrees = agreeing and measured.at - radar.lost_since >= needed
     if agrees:
-        forgive(signal)
+        forgive_signal(radar, signal)
         if not is_radar_faulty(radar):
             # What was followed while it was faulty tells nothing about it now.
             clear_path(radar.path)
-            radar.lost = radar.carried = False
         elif radar.carried and not of_clearance:
             # One of two faults that went on with another target did not: did the other?
             radar.lost, radar.lost_since = True, measured.at
@@ -135,6 +133,9 @@ def _hold_against_path(radar, settings):
     coasted for long is still off, or that it is not: half of what it was off would have led as far
     astray, and further than the clearance wanders."""
     signal, clearance = radar.velocity, radar.clearance
+    if not radar.measured_clearance.new:
+        # The path went on without it.
+        return False, False
     if signal.kind != Kind.OFFSET or (clearance.faulty and clearance.kind != Kind.OFFSET):
         return False, False
     off = radar.measured_clearance.value - radar.agreed_clearance - radar.agreed_path
@@ -180,8 +181,8 @@ def look_for_agreement(radar, settings):
     if abs(path_drift(path, settings, limit)) >= 0.5 * limit:
         return
     if over:
-        forgive(clearance)
-        forgive(velocity)
+        forgive_signal(radar, clearance)
+        forgive_signal(radar, velocity)
     else:
         radar.lost, radar.lost_since = True, at
     begin_target(radar, settings, radar.id)

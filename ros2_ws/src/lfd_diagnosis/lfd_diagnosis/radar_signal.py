@@ -4,7 +4,7 @@ from math import isfinite, isnan, sqrt
 
 import numpy as np
 
-from lfd_diagnosis.evidence import BECAUSE, Ground
+from lfd_diagnosis.evidence import BECAUSE, Ground, is_gauged, repeats
 from lfd_diagnosis.healthy_signal import (
     LEARNT_NOISE,
     REPETITION,
@@ -141,7 +141,8 @@ minutes, and `swings`, a larger one `swings_for` scans ago.
 def start_signal(signal, floor, std, lowest, learn):
     """Begin with the noise of the parameter file (in the signal's unit) and nothing else."""
     signal.floor = floor
-    start_noise(signal.noise, std, lowest, 10.0 * std, learn, 400)
+    first = max(std, lowest)
+    start_noise(signal.noise, first, lowest, 10.0 * first, learn, 400)
     start_roughness(signal.roughness, 16)
     start_repetition(signal.repetition, 8)
     signal.residual_before = signal.leaning = signal.roughest = 0.0
@@ -167,9 +168,18 @@ def restart_signal(signal):
     """The next scan has nothing to do with those before."""
     signal.last, signal.bias = np.nan, 0.0
     signal.last_at = signal.faulty_at = -np.inf
-    signal.residual = signal.limit = np.nan
+    begin_to_judge(signal)
     restart_roughness(signal.roughness)
     restart_repetition(signal.repetition)
+
+
+@inner
+def begin_to_judge(signal):
+    """Nothing was judged yet of what is seen."""
+    signal.residual = signal.limit = np.nan
+    signal.residual_before = 0.0
+    if not signal.faulty:
+        signal.confidence = 0
 
 
 @inner
@@ -187,8 +197,7 @@ def index_of(signal):
 @inner
 def size_of(signal):
     """How far a faulty signal is off; NaN where that says nothing."""
-    tells = signal.kind == Kind.OFFSET or signal.kind == Kind.RAMP
-    return signal.size if tells else np.nan
+    return signal.size if is_gauged(signal.kind) else np.nan
 
 
 @inner
@@ -228,12 +237,6 @@ def learn_swing(signal, off):
 def is_held(signal):
     """Whether it repeats itself for longer than a moment, though maybe by coincidence."""
     return signal.repetition.run >= HELD_SCANS
-
-
-@inner
-def repeats(signal):
-    """Whether its fault is that it says the same again and again."""
-    return signal.kind == Kind.HOLD or signal.kind == Kind.ZERO
 
 
 @inner
@@ -323,7 +326,7 @@ def forgive(signal):
 def classify(signal, should_have_changed):
     """What began as a jump may turn out to be something else."""
     signal.faulty_scans += 1
-    if signal.kind != Kind.OFFSET and signal.kind != Kind.RAMP:
+    if not is_gauged(signal.kind):
         return
     # What was held has said the same ever since.
     ever_since = signal.repetition.run >= signal.faulty_scans
@@ -486,7 +489,7 @@ def follow_agreement(signal, period, step, spread, sigma):
     known = sqrt(max(spread * spread - averaged * signal.noise.variance, 0.0))
     signal.tellable = sigma * known < max(0.7 * size, 1.5 * signal.floor)
     bound = signal.limit
-    if signal.kind == Kind.OFFSET or signal.kind == Kind.RAMP:
+    if is_gauged(signal.kind):
         # What is known to be off by so much has not come back while it is off by half of it.
         bound = min(bound, max(0.5 * abs(signal.estimate), 3.0 * spread))
     off = is_bad(signal) or abs(signal.residual) > bound
@@ -501,7 +504,7 @@ def follow_agreement(signal, period, step, spread, sigma):
     jumped = signal.kind == Kind.OFFSET and is_full(signal.first)
     if not jumped or abs(signal.estimate - signal.size) > CHANGED * abs(signal.size):
         signal.size = signal.estimate
-    if off or (repeats(signal) and is_held(signal)) or is_rough(signal.roughness):
+    if off or (repeats(signal.kind) and is_held(signal)) or is_rough(signal.roughness):
         signal.came_back = signal.at_once = False
         restart_agreement(signal)
         return False

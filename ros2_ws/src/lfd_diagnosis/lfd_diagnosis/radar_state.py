@@ -4,6 +4,7 @@ from math import exp
 
 import numpy as np
 
+from lfd_diagnosis.evidence import repeats
 from lfd_diagnosis.healthy_signal import RING, restart_roughness
 from lfd_diagnosis.lead_track import LEAD_TRACK
 from lfd_diagnosis.new_target import LEAP, forget_leap
@@ -12,7 +13,6 @@ from lfd_diagnosis.radar_signal import (
     deviation_about,
     forgive,
     least_limit,
-    repeats,
     restart_signal,
     start_signal,
 )
@@ -176,9 +176,8 @@ def start_target(radar, settings):
 def restart_radar(radar, settings):
     """Nothing from before counts, faults neither; what was learnt of the noise stays."""
     start_target(radar, settings)
-    radar.lost = radar.carried = False
-    forgive(radar.clearance)
-    forgive(radar.velocity)
+    forgive_signal(radar, radar.clearance)
+    forgive_signal(radar, radar.velocity)
 
 
 @inner
@@ -194,9 +193,18 @@ def is_radar_faulty(radar):
 
 
 @inner
+def forgive_signal(radar, signal):
+    """Healthy from now on; once both signals are, there is no fault that anything else could tell
+    from another target's."""
+    forgive(signal)
+    if not is_radar_faulty(radar):
+        radar.lost = radar.carried = False
+
+
+@inner
 def is_either_held(radar):
     """Whether the fault of either signal is that it repeats itself."""
-    return repeats(radar.clearance) or repeats(radar.velocity)
+    return repeats(radar.clearance.kind) or repeats(radar.velocity.kind)
 
 
 @inner

@@ -20,8 +20,8 @@ from lfd_diagnosis.lead_track import (
 from lfd_diagnosis.new_target import follow_leap, forget_leap, is_far, is_new_target
 from lfd_diagnosis.radar_signal import (
     agrees_by_now,
+    begin_to_judge,
     deviation_about,
-    forgive,
     is_bad,
     is_known_offset,
     offset_of,
@@ -34,6 +34,7 @@ from lfd_diagnosis.radar_state import (
     SETTLING,
     clearance_now,
     cut_path,
+    forgive_signal,
     is_radar_faulty,
     limits_about,
 )
@@ -78,7 +79,7 @@ def change_target(radar, at):
     that they could be told from."""
     for signal in (radar.clearance, radar.velocity):
         if signal.faulty and agrees_by_now(signal):
-            forgive(signal)
+            forgive_signal(radar, signal)
     if not is_radar_faulty(radar):
         return
     if is_known_offset(radar.clearance) and is_known_offset(radar.velocity) and not radar.lost:
@@ -120,9 +121,7 @@ def begin_target(radar, settings, track_id):
     cut_path(radar)
     forget_leap(radar.leap)
     for signal in (radar.clearance, radar.velocity):
-        signal.residual = signal.limit = np.nan
-        if not signal.faulty:
-            signal.confidence = 0
+        begin_to_judge(signal)
 
 
 @inner

@@ -21,9 +21,6 @@ _GROUND_WORDS: dict[int, Callable[[Any], str]] = {
         f"path: the clearance left that of the relative velocity by {b.first:.2f} m "
         f"(limit {b.second:.2f})"
     ),
-    Ground.HOST_SPEED: lambda b: _check("host speed", b.first, b.second),
-    Ground.LEADS_WORD: lambda b: _check("lead's word", b.first, b.second),
-    Ground.OBSERVERS: lambda b: _check("observers", b.first, b.second),
     Ground.SPEED_HELD: lambda b: f"{b.first:.2f} m/s for {b.second:.0f} samples on end",
     Ground.SPEED_JUMPED: lambda b: (
         f"a jump of {b.first:.2f} m/s in {b.second * 1000:.0f} ms (limit {b.third:.2f})"
@@ -48,6 +45,8 @@ def _check(name: str, residual: float, limit: float) -> str:
 
 
 def _words(because: Any) -> str:
+    if because.ground in _CHECK_NAMES:
+        return _check(_CHECK_NAMES[because.ground], because.first, because.second)
     return _GROUND_WORDS[because.ground](because)
 
 
@@ -207,9 +206,13 @@ def robust_missing(_settings: DiagnosisSettings, said: Any, anew_because: str) -
     else:
         if evidence.clearance_std > VALID_CLEARANCE_STD:
             missing.append(f"clearance: not known better than to {evidence.clearance_std:.1f} m")
+        elif not made.clearance_valid:
+            missing.append("clearance: expected to be below zero, where no lead is")
         if evidence.relative_velocity_std > VALID_VELOCITY_STD:
             std = evidence.relative_velocity_std
             missing.append(f"relative velocity: not known better than to {std:.1f} m/s")
+    if not made.relative_acceleration_valid:
+        missing.append("relative acceleration: no observer tells it, or a radar signal is faulty")
     if not made.acceleration_valid:
         missing.append("acceleration: neither host speed nor lead tells it")
     return "; ".join(missing)

@@ -353,18 +353,24 @@ def _reconstruct(state, settings, seen, relative, outcome):
 
 
 @inner
+def _say_silent(verdict, heard):
+    """Nothing is said any more; what said nothing before is silent as it was."""
+    kind = verdict.kind
+    if verdict.state != State.NO_DATA:
+        kind = Kind.DROPOUT.value if heard else Kind.UNKNOWN.value
+    _say(verdict, State.NO_DATA, kind, np.nan, 0, 1, np.nan, np.nan)
+
+
+@inner
 def robust_silence(state, settings, stamp, outcome):
     """Nothing arrives at all: what is said (of no step) at `stamp` (ns)."""
+    heard = outcome.step > 0
     outcome.stamp, outcome.step, outcome.starts_anew = stamp, 0, False
     outcome.evidence.silent = True
-    for verdict in (
-        outcome.clearance,
-        outcome.relative_velocity,
-        outcome.acceleration,
-        outcome.host_speed,
-        outcome.lead_acceleration,
-    ):
-        _say(verdict, State.NO_DATA, Kind.UNKNOWN, np.nan, 0, 1, np.nan, np.nan)
+    for verdict in (outcome.clearance, outcome.relative_velocity, outcome.acceleration):
+        _say_silent(verdict, heard)
+    _say_silent(outcome.host_speed, heard and settings.use_host_speed)
+    _say_silent(outcome.lead_acceleration, heard and settings.use_lead_report)
     enter_outcome(state.book, outcome)
 
 

@@ -177,7 +177,12 @@ class AccelerationChecks(Settings):
         True, "1", "take what the lead says of its acceleration (V2V) as evidence", ROBUST
     )
     lead_report_delay: float = setting(
-        0.1, "s", "age of what the lead says when it is stamped", ROBUST, ge=0.0, le=1.0
+        0.1,
+        "s",
+        "age of what the lead says when it is stamped; its acceleration may have changed since",
+        ROBUST,
+        ge=0.0,
+        le=1.0,
     )
     lead_report_std: float = setting(
         0.2, "m/s^2", "standard deviation of what the lead says", ROBUST, gt=0.0, le=5.0
@@ -292,6 +297,11 @@ class DiagnosisSettings(
             raise ValueError(
                 f"confidence_max ({self.confidence_max}) must not be below "
                 f"confidence_threshold ({self.confidence_threshold})"
+            )
+        if self.confidence_max < self.acceleration_steps:
+            raise ValueError(
+                f"confidence_max ({self.confidence_max}) must not be below "
+                f"acceleration_steps ({self.acceleration_steps})"
             )
         if self.scan_confidence_max < self.scan_confidence_threshold:
             raise ValueError(

@@ -4,6 +4,7 @@ import numpy as np
 
 from lfd_diagnosis.healthy_signal import (
     LEARNT_NOISE,
+    beyond,
     deviation,
     learn_noise,
     start_noise,
@@ -204,7 +205,7 @@ def drift_rate(path, noise, time):
     last = _level(path, time - MEAN)
     rate = (last - _level(path, time - MEAN - known)) / known
     doubt = RATE_DOUBT * noise**0.5 / known
-    return rate - max(-doubt, min(doubt, rate))
+    return beyond(rate, doubt)
 
 
 @inner
