@@ -28,14 +28,14 @@ from lfd_diagnosis.healthy_signal import (
     is_full,
     learn_noise,
     mean_of,
-    share_of,
     start_ring,
+    while_learning,
 )
 from lfd_diagnosis.host_speed import is_believed
 from lfd_diagnosis.lead_report import is_trusted
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
-from lfd_mpc.settings import STEP_S
+from lfd_mpc.settings import STEP_S, share_of
 
 SHAKEN_LIMIT, SHAKEN_SIGMA = 1.6, 3.0
 """How much larger a jump must be while the road shakes the sensor, and deviations of what a shaking
@@ -208,7 +208,7 @@ def _jump_limit(monitor, settings):
     least = max(limit, SHAKEN_SIGMA * noise, JUMP_SIGMA * deviation(monitor.jump_noise))
     # A car that has braked to rest jerks back as it does at no other time.
     least += monitor.stops_from
-    return least * (1.0 + 2.0 * max(0.0, 1.0 - monitor.jump_noise.count / WARM_UP))
+    return least * while_learning(monitor.jump_noise.count, WARM_UP)
 
 
 @inner

@@ -35,7 +35,7 @@ from lfd_diagnosis.healthy_signal import (
     is_full,
     is_rough,
     learn_noise,
-    share_of,
+    while_learning,
 )
 from lfd_diagnosis.host_speed import (
     JERK_FILTER,
@@ -52,7 +52,7 @@ from lfd_diagnosis.host_speed import (
 from lfd_diagnosis.road_bend import follow_bend, has_bent, slope_now
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
-from lfd_mpc.settings import STEP_S
+from lfd_mpc.settings import STEP_S, share_of
 
 GENTLE = 2.0
 """m/s^3 up to which the accelerometer's jerk may as well be its noise, or a fault."""
@@ -141,7 +141,7 @@ def against_speed(monitor, settings):
         return
     if isnan(monitor.baseline):
         monitor.baseline = monitor.slope if monitor.slope_known > 0.0 else off
-    learning = 1.0 + 2.0 * max(0.0, 1.0 - monitor.slope_known / WARM_UP)
+    learning = while_learning(monitor.slope_known, WARM_UP)
     allowance = allowance_of(monitor, settings)
     sigma = settings.acceleration_sigma
     _follow_road(monitor, settings, off)

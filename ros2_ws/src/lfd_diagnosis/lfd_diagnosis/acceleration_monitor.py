@@ -57,7 +57,6 @@ from lfd_diagnosis.healthy_signal import (
     note_change,
     resolution_of,
     rough_share,
-    share_of,
     take_repetition,
     take_roughness,
     times_unchanged,
@@ -78,7 +77,7 @@ from lfd_diagnosis.host_speed import (
 from lfd_diagnosis.road_bend import start_bend
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
-from lfd_mpc.settings import STEP_S
+from lfd_mpc.settings import STEP_S, share_of
 
 LARGEST_STEP, LEAP, LEAP_MEMORY = 1.0, 3.0, 30
 """m/s^2 by which a possible jerk moves the accelerometer at most from one sample to the next, and

@@ -15,7 +15,6 @@ from lfd_diagnosis.healthy_signal import (
     at,
     restart_repetition,
     restart_roughness,
-    share_of,
     start_noise,
     start_repetition,
     start_ring,
@@ -25,6 +24,7 @@ from lfd_diagnosis.host_speed import HOST_SPEED, restart_speed, start_speed
 from lfd_diagnosis.road_bend import ROAD_BEND, start_bend
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
+from lfd_mpc.settings import share_of
 
 BASELINE, BASELINE_DELAY = 0.7, 30
 """Time constant in s and delay in steps of what the difference was a moment ago."""

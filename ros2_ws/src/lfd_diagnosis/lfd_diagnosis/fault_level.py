@@ -20,7 +20,7 @@ from math import isfinite, nan
 
 from lfd_diagnosis.settings import DecisionSettings
 from lfd_diagnosis.verdict import Kind, Reconstruction, Report, SignalVerdict, State
-from lfd_mpc.decision import Action, Decision, FaultLevel
+from lfd_mpc.decision import Action, Decision, FaultLevel, braking_needed
 
 LOST = (State.FAULT, State.NO_DATA)
 """States of a signal that is not driven by."""
@@ -34,13 +34,6 @@ what a held radar says until then makes the lead look steady."""
 
 DOUBTED = (State.SUSPECT, *LOST)
 """States of a signal in whose place the reconstructed one is used where there is one."""
-
-
-def _braking_needed(clearance: float, relative_velocity: float, room: float) -> float:
-    """Deceleration in m/s^2 that keeps `room` m behind a lead of constant speed."""
-    if not (isfinite(clearance) and isfinite(relative_velocity)) or relative_velocity >= 0.0:
-        return 0.0
-    return relative_velocity * relative_velocity / (2.0 * max(clearance - room, 0.5))
 
 
 class DecisionMaker:
@@ -130,7 +123,7 @@ class DecisionMaker:
             self._deceleration = max(
                 self._deceleration, settings.blind_margin - self._lead_acceleration
             )
-        needed = _braking_needed(made.clearance, made.relative_velocity, settings.emergency_room)
+        needed = braking_needed(made.clearance, made.relative_velocity, settings.emergency_room)
         if needed > settings.emergency_deceleration:
             self._deceleration = settings.emergency_braking
             text = f"{needed:.1f} m/s^2 are needed behind the lead"

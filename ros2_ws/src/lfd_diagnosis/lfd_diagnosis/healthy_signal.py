@@ -5,7 +5,7 @@ from math import isfinite, log, sqrt
 import numpy as np
 
 from lfd_mpc.compiled import inner
-from lfd_mpc.settings import STEP_S
+from lfd_mpc.settings import share_of
 
 LEARNT = 2000
 """Samples over which roughness is averaged once so many are known."""
@@ -79,14 +79,15 @@ def as_measured(value):
 
 
 @inner
+def while_learning(known, enough):
+    """How many times wider a limit is while less than `enough` is known: thrice at first."""
+    return 1.0 + 2.0 * max(0.0, 1.0 - known / enough)
+
+
+@inner
 def beyond(value, limit):
     """By how much a value exceeds a limit, to the side that it is on."""
     return value - max(-limit, min(limit, value))
-
-
-def share_of(time: float) -> float:
-    """What a first-order filter of that time constant (s) takes of a new value each step."""
-    return STEP_S / (time + STEP_S)
 
 
 filter_share = inner(share_of)

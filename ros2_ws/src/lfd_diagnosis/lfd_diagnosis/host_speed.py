@@ -22,7 +22,6 @@ from lfd_diagnosis.healthy_signal import (
     restart_repetition,
     restart_roughness,
     rough_share,
-    share_of,
     start_noise,
     start_repetition,
     start_roughness,
@@ -31,7 +30,7 @@ from lfd_diagnosis.healthy_signal import (
 )
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
-from lfd_mpc.settings import STEP_S
+from lfd_mpc.settings import STEP_S, share_of
 
 STANDING = 0.3
 """Host speed in m/s below which the car may as well stand: equal samples mean nothing."""

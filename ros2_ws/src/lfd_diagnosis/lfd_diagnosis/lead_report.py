@@ -5,9 +5,9 @@ from math import isnan, sqrt
 import numpy as np
 
 from lfd_diagnosis.evidence import BECAUSE, Ground, give_ground
-from lfd_diagnosis.healthy_signal import as_measured, is_new, share_of
+from lfd_diagnosis.healthy_signal import as_measured, is_new
 from lfd_mpc.compiled import inner
-from lfd_mpc.settings import STEP_S
+from lfd_mpc.settings import STEP_S, share_of
 
 FILTER = 0.3
 """Time constant in s through which what the lead says and what is seen of it are compared."""

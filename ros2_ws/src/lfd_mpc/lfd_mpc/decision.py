@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
+from math import isfinite
 
 
 class FaultLevel(IntEnum):
@@ -42,3 +43,11 @@ class Decision:
     relative_velocity: float
     relative_acceleration: float
     acceleration: float
+
+
+def braking_needed(clearance: float, relative_velocity: float, room: float) -> float:
+    """Deceleration in m/s^2 that keeps `room` m behind a lead of constant speed; 0 where the lead
+    does not come nearer, or is not seen."""
+    if not (isfinite(clearance) and isfinite(relative_velocity)) or relative_velocity >= 0.0:
+        return 0.0
+    return relative_velocity * relative_velocity / (2.0 * max(clearance - room, 0.5))

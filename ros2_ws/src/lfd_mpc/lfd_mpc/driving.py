@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lfd_mpc.box_qp import solve_box_entry
 from lfd_mpc.controller import roll_out_entry
-from lfd_mpc.decision import Action, Decision
+from lfd_mpc.decision import Action, Decision, braking_needed
 from lfd_mpc.following_model import STATES, build_following_model
 from lfd_mpc.horizon import Horizon, Mpc
 from lfd_mpc.settings import STEP_NS, STEP_S, MpcSettings
@@ -250,8 +250,7 @@ class CarDriver:
         settings, model = self._settings, self._model
         clearance, velocity, lead_acceleration = lead
         # What must be braked to keep half the distance of a standstill behind this lead.
-        room = max(clearance - 0.5 * settings.minimum_clearance, 0.5)
-        needed = velocity * velocity / (2.0 * room) if velocity < 0.0 else 0.0
+        needed = braking_needed(clearance, velocity, 0.5 * settings.minimum_clearance)
         needed += max(-lead_acceleration, 0.0) if velocity < 0.0 else 0.0
         share = min(max((needed - HARD) / 2.0, 0.0), 1.0)
         jerk = settings.comfortable_jerk + share * (

@@ -17,6 +17,11 @@ STEP_S = STEP_NS * 1e-9
 """One step of the algorithm, `dt`, in seconds."""
 
 
+def share_of(time: float) -> float:
+    """What a first-order filter of that time constant (s) takes of a new value each step."""
+    return STEP_S / (time + STEP_S)
+
+
 def setting(
     default: Any, unit: str, text: str, source: str, fixed: bool = False, **limits: Any
 ) -> Any:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_mpc.compiled import entry, inner
-from lfd_mpc.settings import STEP_S
+from lfd_mpc.settings import STEP_S, share_of
 
 Array = NDArray[np.float64]
 
@@ -121,7 +121,7 @@ def observers_common(
     motion: the observer goes on from there with the relative acceleration that it had.
     """
     common = np.zeros(1, OBSERVERS)
-    common[0] = gain, STEP_S / (filter_time + STEP_S), boundary_layer, restart_error
+    common[0] = gain, share_of(filter_time), boundary_layer, restart_error
     return common
 
 
