@@ -35,14 +35,12 @@ def extra_column(text: str, usual: str) -> tuple[Table, str]:
     if not path.is_file() and ":" in text:
         head, _, column = text.rpartition(":")
         path = Path(head)
-    header = Table(_existing(path), {}).header
+    table = Table(_existing(path), {})
     if not column:
-        others = [name for name in header if name != "t_s"]
-        column = usual if usual in header else others[0] if len(others) == 1 else ""
+        others = [name for name in table.header if name != "t_s"]
+        column = usual if usual in table.header else others[0] if len(others) == 1 else ""
     if not column:
-        raise UserError(
-            f"{path}: which column? name it as {path}:COLUMN; there are: {', '.join(header)}"
-        )
+        raise UserError(f"{path}: which column? name it as {path}:COLUMN; there are: {table.there}")
     return Table(path, {usual: column}), usual
 
 

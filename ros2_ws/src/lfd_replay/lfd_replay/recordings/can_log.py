@@ -11,6 +11,7 @@ from rich.progress import Progress
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, Sample, ScalarSample
+from lfd_replay.drive import LATEST
 from lfd_replay.recordings.esr import EsrDecoder, Scan, select_lead
 from lfd_replay.recordings.lead_selection import LeadSelector
 
@@ -253,5 +254,8 @@ def _frames(messages: Iterable["can.Message"], counts: Counter[str]) -> Iterator
     for message in messages:
         if message.is_error_frame or message.is_remote_frame:
             counts["error and remote frames"] += 1
+            continue
+        if not abs(message.timestamp) < LATEST:
+            counts["frames without a possible stamp"] += 1
             continue
         yield round(message.timestamp * 1e9), message.arbitration_id, bytes(message.data)
