@@ -17,7 +17,7 @@ import pytest
 from lfd_mpc.samples import HOST_SPEED
 from lfd_replay.drive_bag import write_drive
 from lfd_replay.evaluate import main_evaluate
-from lfd_replay.evaluate_many import journal_file
+from lfd_replay.evaluate_many import attempt, journal_file, say_failures
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.generated.generate import generate_drive
 from lfd_replay.offline import CHUNK, OfflineGraph
@@ -136,6 +136,15 @@ def test_a_bad_drive_is_named_and_does_not_stop_the_rest(folder, tmp_path, capfd
     printed = capfd.readouterr()
     assert "3 of 3, 0" in printed.out and "bad.csv: is empty" in printed.err
     assert not journal_file(out, []).exists(), "nothing is left behind"
+
+
+def test_an_unexpected_failure_is_shown_and_does_not_stop_the_rest(capsys) -> None:
+    def fails(_path: Path, _question: object) -> tuple:
+        raise IndexError("no such\nrow")
+
+    result = attempt(fails, Path("odd.csv"), None)
+    assert result["error"] == "odd.csv: failed unexpectedly (IndexError: no such row)"
+    assert "Traceback" in capsys.readouterr().err and say_failures([result]) == 2
 
 
 def test_an_interrupted_run_goes_on_where_it_stopped(folder, tmp_path) -> None:

@@ -5,6 +5,7 @@ import json
 import os
 import sys
 import tempfile
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 
@@ -46,6 +47,11 @@ def attempt(evaluate: Callable, path: Path, question: object) -> dict:
         drive, result = evaluate(path, question)
     except UserError as error:
         return {"drive": str(path), "error": str(error)}
+    except Exception as error:
+        # Our mistake rather than the drive's: shown as one, and no reason to lose the others.
+        traceback.print_exc()
+        detail = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        return {"drive": str(path), "error": f"{path}: failed unexpectedly ({detail})"}
     return {**result, "warnings": list(drive.warnings)}
 
 
