@@ -3,12 +3,13 @@
 import json
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from esr_frames import scan_frames
+from esr_frames import candump, scan_frames
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -24,6 +25,7 @@ from lfd_replay.import_drive import join_drive, main_import
 from lfd_replay.inspect import main_inspect
 from lfd_replay.player import PlayOptions, samples_to_play
 from lfd_replay.read_drive import ReadOptions, read_drive
+from lfd_replay.recordings.can_log import HostSignals
 from lfd_replay.recordings.message_definitions import DEFINITIONS
 from lfd_replay.recordings.recorded_messages import Mounting
 from ros_support import assert_live_equals_offline, offline
@@ -374,7 +376,7 @@ def test_an_offset_is_told_at_standstill(tmp_path: Path, capsys) -> None:
     [
         (["--imu-rotation", "1,2"], "3 numbers with commas between is expected"),
         (["--imu-offset", "much"], "a number is expected"),
-        (["--map", "range_m=x"], "--map names columns of a CSV drive"),
+        (["--map", "range_m=x"], "--map is for a CSV drive, and this is a bag"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(
@@ -383,6 +385,62 @@ def test_options_that_make_no_sense_are_refused(
     car = Car("mcap")
     bag = car.write(tmp_path / "bag", esr_rows(car) + host_rows(car))
     assert run_command(main_import, [str(bag), *option, "-o", str(tmp_path / "o.mcap")]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+
+
+ROWS = (
+    "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2\n0,30,-1,15,0.5\n0.1,30,-1,15,0.7\n"
+)
+
+
+def accelerations(drive: Drive) -> list[float]:
+    return [s.value for s in drive.samples if s.input == ACCELERATION]
+
+
+def test_the_offset_is_taken_off_whatever_the_recording_is(tmp_path: Path) -> None:
+    csv, dbc = tmp_path / "drive.csv", tmp_path / "car.dbc"
+    csv.write_text(ROWS)
+    dbc.write_text(HOST_DBC)
+    tilted = ReadOptions(
+        mounting=Mounting(offset=0.25), host=HostSignals(dbc, "SPEED.SPEED", "ACCEL_X")
+    )
+    log = tmp_path / "drive.log"
+    log.write_text(candump(scan_frames(0.0, 0, {}) + host_frames(0.02, 15.0, 0.5)))
+    assert accelerations(read_drive(log, tilted)) == pytest.approx([0.25])
+    tilted = replace(tilted, host=None)
+    assert accelerations(read_drive(csv, tilted)) == pytest.approx([0.25, 0.45])
+    assert accelerations(join_drive(csv, None, None, tilted)) == pytest.approx([0.25, 0.45])
+    accel = tmp_path / "accel.csv"
+    accel.write_text("t_s,forward\n0,1\n")
+    car = Car("mcap")
+    bag = car.write(tmp_path / "bag", esr_rows(car) + host_rows(car))
+    for recording in (csv, bag):
+        drive = join_drive(recording, f"{accel}:forward", None, tilted)
+        assert accelerations(drive) == pytest.approx([0.75])
+    found = inspected(csv, tmp_path, "--imu-offset", "3")
+    assert found["inputs"][ACCELERATION]["ranges"]["acceleration"]["least"] == -2.5
+
+
+@pytest.mark.parametrize(
+    ("name", "option", "said"),
+    [
+        ("drive.csv", ["--imu-rotation", "0,0,180"], "--imu-rotation is for a bag or a comma2k19"),
+        ("drive.csv", ["--accel-topic", "/imu"], "--accel-topic is for a bag, and this is a CSV"),
+        ("drive.csv", ["--host-dbc", "car.dbc"], "--host-dbc is for a bag or a CAN log"),
+        ("drive.log", ["--imu-rotation", "0,0,180"], "and this is a CAN log"),
+        ("drive.log", ["--radar-topic", "/radar"], "--radar-topic is for a bag"),
+        ("segment", ["--lead-acceleration-topic", "/x"], "and this is a comma2k19 segment"),
+    ],
+)
+def test_options_that_cannot_apply_are_refused(
+    name: str, option: list[str], said: str, tmp_path: Path, capsys
+) -> None:
+    (tmp_path / "segment" / "processed_log").mkdir(parents=True)
+    (tmp_path / "drive.log").write_text(candump(scan_frames(0.0, 0, {})))
+    (tmp_path / "drive.csv").write_text(ROWS)
+    arguments = [str(tmp_path / name), *option, "-o", str(tmp_path / "out.mcap")]
+    assert run_command(main_import, arguments) == 2
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1
 

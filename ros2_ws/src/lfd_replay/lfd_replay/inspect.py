@@ -12,7 +12,7 @@ from lfd_replay.command_line import print_table
 from lfd_replay.drive_csv import read_csv_as_it_is
 from lfd_replay.errors import run_command
 from lfd_replay.inspection import bag_topics, inspect_streams, remarks
-from lfd_replay.read_drive import add_read_options, read_options, read_streams
+from lfd_replay.read_drive import add_read_options, read_options, read_streams, without_offset
 from lfd_replay.text_file import write_text
 
 
@@ -63,6 +63,7 @@ def main_inspect(arguments: list[str]) -> int:
         damage, problem = [], str(error).removeprefix(f"{options.drive}: ")
         if options.drive.suffix == ".csv" and options.drive.is_file():
             streams = read_csv_as_it_is(options.drive, reading.mapping)
+            streams = without_offset(options.drive, streams, reading)
         elif topics:
             streams = {}
         else:
