@@ -137,6 +137,11 @@ def test_a_can_bus_reaches_radar_target_with_what_the_radar_says(tmp_path: Path)
         (["--ros-args", "-p", "source:=sonar"], "parameter source"),
         (bus_arguments(can_interface="nonsense"), "cannot be opened"),
         (bus_arguments(host_dbc="/none.dbc", speed_signal="X"), "cannot be read as a DBC file"),
+        (bus_arguments(host_dbc="/none.dbc"), "host_dbc goes with speed_signal, accel_signal"),
+        (
+            bus_arguments(source="esr_tracks", host_dbc="car.dbc", speed_signal="X"),
+            "source esr_tracks has no CAN frames; with host_dbc source must be one of: can_frames",
+        ),
     ],
 )
 def test_mistakes_are_named(arguments: list[str], said: str) -> None:

@@ -20,6 +20,7 @@ from test_live_equals_offline import play_live
 from lfd_diagnosis.verdict import State
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR
 from lfd_replay.drive import Drive
+from lfd_replay.drive_bag import sample_message, typestore
 from lfd_replay.errors import run_command
 from lfd_replay.import_drive import join_drive, main_import
 from lfd_replay.inspect import main_inspect
@@ -288,6 +289,37 @@ def test_a_bag_of_can_frames_becomes_a_drive(kind: str, tmp_path: Path) -> None:
     check_lead(read_drive(out))
 
 
+def host_on_can(car: Car) -> list[tuple[str, Any]]:
+    """Frames of the host, and of a second radar that sees another car at 80 m."""
+    frames = [frame for time in times(100.0) for frame in host_frames(time, 15.0, 0.5)]
+    for scan, time in enumerate(times(20.0)):
+        frames += scan_frames(time, scan, {3: {"STATUS": 3, "RANGE": 80.0}})
+    return [("/can/rx", car.can_frame(*frame)) for frame in frames]
+
+
+ON_CAN = ["--speed-signal", "SPEED.SPEED", "--accel-signal", "ACCEL_X"]
+
+
+@pytest.mark.parametrize("radar", ["/radar/target", "/esr/tracks"])
+def test_host_signals_on_can_go_with_any_radar(radar: str, tmp_path: Path) -> None:
+    car, dbc, out = Car("mcap"), tmp_path / "car.dbc", tmp_path / "out.mcap"
+    dbc.write_text(HOST_DBC)
+    bag = car.write(tmp_path / "bag", esr_rows(car) + host_rows(car))
+    if radar == "/radar/target":
+        samples = [s for s in read_drive(bag).samples if s.input == RADAR]
+        rows = [sample_message(s)[::2] for s in samples]
+        car.store = typestore()
+    else:
+        rows = esr_rows(car) + [("/vehicle/speed", car.twist(t, 99.0)) for t in times(50.0)]
+    bag = car.write(tmp_path / "mixed", rows + host_on_can(car))
+    arguments = [str(bag), "--host-dbc", str(dbc), *ON_CAN, "-o", str(out)]
+    assert run_command(main_import, arguments) == 0
+    drive = read_drive(out)
+    check_lead(drive)
+    speeds = [s.value for s in drive.samples if s.input == HOST_SPEED]
+    assert len(speeds) == SECONDS * 100 and set(speeds) == {15.0}, "the topic's are another source"
+
+
 def test_odometry_and_acceleration_with_covariance_are_host_signals(tmp_path: Path) -> None:
     car = Car("mcap")
     rows = esr_rows(car)
@@ -376,6 +408,12 @@ def test_an_offset_is_told_at_standstill(tmp_path: Path, capsys) -> None:
     [
         (["--imu-rotation", "1,2"], "3 numbers with commas between is expected"),
         (["--imu-offset", "much"], "a number is expected"),
+        (["--host-dbc", "car.dbc"], "--host-dbc needs --speed-signal"),
+        (["--host-dbc", "DBC", *ON_CAN], "--host-dbc: no topic of type can_msgs/msg/Frame"),
+        (
+            ["--host-dbc", "DBC", *ON_CAN, "--speed-topic", "/v"],
+            "--speed-topic /v and --speed-signal SPEED.SPEED: give one",
+        ),
         (["--map", "range_m=x"], "--map is for a CSV drive, and this is a bag"),
     ],
 )
@@ -383,7 +421,9 @@ def test_options_that_make_no_sense_are_refused(
     option: list[str], said: str, tmp_path: Path, capsys
 ) -> None:
     car = Car("mcap")
-    bag = car.write(tmp_path / "bag", esr_rows(car) + host_rows(car))
+    bag, dbc = car.write(tmp_path / "bag", esr_rows(car) + host_rows(car)), tmp_path / "car.dbc"
+    dbc.write_text(HOST_DBC)
+    option = [str(dbc) if word == "DBC" else word for word in option]
     assert run_command(main_import, [str(bag), *option, "-o", str(tmp_path / "o.mcap")]) == 2
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1
@@ -427,7 +467,7 @@ def test_the_offset_is_taken_off_whatever_the_recording_is(tmp_path: Path) -> No
     [
         ("drive.csv", ["--imu-rotation", "0,0,180"], "--imu-rotation is for a bag or a comma2k19"),
         ("drive.csv", ["--accel-topic", "/imu"], "--accel-topic is for a bag, and this is a CSV"),
-        ("drive.csv", ["--host-dbc", "car.dbc"], "--host-dbc is for a bag or a CAN log"),
+        ("drive.csv", ["--host-dbc", "car.dbc", *ON_CAN], "--host-dbc is for a bag or a CAN log"),
         ("drive.log", ["--imu-rotation", "0,0,180"], "and this is a CAN log"),
         ("drive.log", ["--radar-topic", "/radar"], "--radar-topic is for a bag"),
         ("segment", ["--lead-acceleration-topic", "/x"], "and this is a comma2k19 segment"),

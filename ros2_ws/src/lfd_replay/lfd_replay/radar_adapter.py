@@ -43,6 +43,9 @@ SOURCES = {
 }
 """Topics and message types of each source."""
 
+ON_CAN = ("can_frames", "can_bus")
+"""Sources that may carry host signals."""
+
 BUS_POLL = 0.005
 """Seconds between looks at what the bus has received."""
 
@@ -59,6 +62,21 @@ def message_class(message_type: str) -> Any:
         ) from error
 
 
+def _host_signals(settings: RadarAdapterSettings) -> HostSignals | None:
+    """What is to be taken from CAN. Raises UserError where that would never come."""
+    speed, acceleration = settings.speed_signal or None, settings.accel_signal or None
+    if not (settings.host_dbc or speed or acceleration):
+        return None
+    if not settings.host_dbc or not (speed or acceleration):
+        raise UserError("radar_adapter: host_dbc goes with speed_signal, accel_signal or both")
+    if settings.source not in ON_CAN:
+        raise UserError(
+            f"radar_adapter: host_dbc {settings.host_dbc}: source {settings.source} has no CAN "
+            f"frames; with host_dbc source must be one of: {', '.join(ON_CAN)}"
+        )
+    return HostSignals(Path(settings.host_dbc), speed, acceleration)
+
+
 class RadarAdapterNode(Node):
     """Tracks in, the lead out."""
 
@@ -66,20 +84,10 @@ class RadarAdapterNode(Node):
         """Raises UserError for parameters, packages, files or a bus that cannot work."""
         super().__init__("radar_adapter", context=context, **node_options)
         settings = declare_settings(self, RadarAdapterSettings)
-        host = None
-        if settings.host_dbc:
-            host = HostSignals(
-                Path(settings.host_dbc),
-                settings.speed_signal or None,
-                settings.accel_signal or None,
-            )
+        host = _host_signals(settings)
         self._converter = MessageConverter(host=host)
-        given = [RADAR]
-        if host is not None and host.speed:
-            given.append(HOST_SPEED)
-        if host is not None and host.acceleration:
-            given.append(ACCELERATION)
-        self._outputs = SamplePublishers(self, PIPELINE_QOS, tuple(given))
+        given = (RADAR, *(() if host is None else host.inputs))
+        self._outputs = SamplePublishers(self, PIPELINE_QOS, given)
         for topic, message_type in SOURCES[settings.source].items():
             self.create_subscription(
                 message_class(message_type),

@@ -90,6 +90,14 @@ def read_options(options: argparse.Namespace) -> ReadOptions:
     signals = (options.speed_signal, options.accel_signal)
     if options.host_dbc is None and any(signals):
         raise UserError("--speed-signal and --accel-signal need --host-dbc FILE")
+    if options.host_dbc is not None and not any(signals):
+        raise UserError("--host-dbc needs --speed-signal NAME, --accel-signal NAME or both")
+    for what, topic, signal in (
+        ("speed", options.speed_topic, options.speed_signal),
+        ("accel", options.accel_topic, options.accel_signal),
+    ):
+        if topic and signal:
+            raise UserError(f"--{what}-topic {topic} and --{what}-signal {signal}: give one")
     return ReadOptions(
         mapping=parse_mapping(options.map),
         topics=Topics(

@@ -38,6 +38,12 @@ class HostSignals:
     speed: str | None
     acceleration: str | None
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The inputs that are on CAN."""
+        named = {HOST_SPEED: self.speed, ACCELERATION: self.acceleration}
+        return tuple(name for name, signal in named.items() if signal)
+
 
 class _Signal:
     """One signal of the car's own CAN."""
@@ -106,6 +112,13 @@ class CanDrive:
 
     def push(self, frame: Frame) -> Iterator[Sample]:
         """Take one frame; gives the samples that it completes."""
+        yield from self.push_host(frame)
+        stamp, identifier, data = frame
+        if identifier not in self._host:
+            yield from map(self._lead, self._esr.push(stamp, identifier, data))
+
+    def push_host(self, frame: Frame) -> Iterator[Sample]:
+        """Take one frame of a bus that has no radar that counts: only of the host's signals."""
         stamp, identifier, data = frame
         for signal in self._host.get(identifier, ()):
             value = signal.value(data)
@@ -116,8 +129,6 @@ class CanDrive:
             if signal.input == HOST_SPEED:
                 self._speed = sample.value
             yield sample
-        if identifier not in self._host:
-            yield from map(self._lead, self._esr.push(stamp, identifier, data))
 
     def flush(self) -> Iterator[Sample]:
         """What the end of the recording has cut off."""

@@ -7,6 +7,7 @@ are those of the headers; a header without a stamp counts as stamped when it was
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from math import cos, radians, sin
 from typing import Any
 
@@ -21,13 +22,15 @@ from lfd_mpc.samples import (
     Sample,
     ScalarSample,
 )
-from lfd_replay.recordings.can_log import CanDrive, HostSignals
+from lfd_replay.recordings.can_log import CanDrive, Frame, HostSignals
 from lfd_replay.recordings.esr import ScanAssembler, esr_track, select_lead
 from lfd_replay.recordings.lead_selection import LeadSelector, Track
 
 ESR_TRACK, ESR_STATUS_4 = "delphi_esr_msgs/msg/EsrTrack", "delphi_esr_msgs/msg/EsrStatus4"
 RADAR_TRACKS = "radar_msgs/msg/RadarTracks"
 CAN_FRAME = "can_msgs/msg/Frame"
+HOST_FRAME = "can_msgs/msg/Frame of the host"
+"""A frame of a bus whose radar, if it has one, is not the one that counts."""
 
 TYPES = {
     RADAR: ("lfd_msgs/msg/RadarTarget", ESR_TRACK, RADAR_TRACKS, CAN_FRAME),
@@ -84,7 +87,8 @@ class MessageConverter:
             ESR_TRACK: self._esr_track,
             ESR_STATUS_4: self._esr_status_4,
             RADAR_TRACKS: self._radar_tracks,
-            CAN_FRAME: self._can_frame,
+            CAN_FRAME: partial(self._can_frame, self._can.push),
+            HOST_FRAME: partial(self._can_frame, self._can.push_host),
             "sensor_msgs/msg/Imu": self._imu,
             "geometry_msgs/msg/AccelWithCovarianceStamped": self._accel,
             "geometry_msgs/msg/TwistStamped": self._twist,
@@ -93,7 +97,7 @@ class MessageConverter:
         }
 
     def push(self, message_type: str, message: Any, received: int) -> Iterable[Sample]:
-        """Take a message of a type in `TYPES`, received at `received` (ns)."""
+        """Take a message of a type in `TYPES` or `HOST_FRAME`, received at `received` (ns)."""
         header = message.header.stamp
         stamp = header.sec * 1_000_000_000 + header.nanosec
         return self._converters[message_type](message, stamp or received)
@@ -147,12 +151,14 @@ class MessageConverter:
             moving=known.get(int(track.classification)),
         )
 
-    def _can_frame(self, message: Any, stamp: int) -> Iterable[Sample]:
+    def _can_frame(
+        self, push: Callable[[Frame], Iterable[Sample]], message: Any, stamp: int
+    ) -> Iterable[Sample]:
         if message.is_error or message.is_rtr:
             self.counts["error and remote frames"] += 1
             return ()
         data = bytes(np.asarray(message.data, dtype=np.uint8))[: int(message.dlc)]
-        return self._can.push((stamp, int(message.id), data))
+        return push((stamp, int(message.id), data))
 
     def _imu(self, message: Any, stamp: int) -> Iterable[Sample]:
         if message.angular_velocity_covariance[0] != -1.0:
