@@ -12,6 +12,7 @@ from esr_frames import STATUS_4, encode, scan_frames
 from geometry_msgs.msg import AccelWithCovarianceStamped, TwistStamped
 from message_workspace import build
 from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import Log
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu
@@ -129,6 +130,45 @@ def test_a_can_bus_reaches_radar_target_with_what_the_radar_says(tmp_path: Path)
         assert felt[-1].linear_acceleration.x == pytest.approx(0.5)
         age = time.time() - (target.header.stamp.sec + target.header.stamp.nanosec * 1e-9)
         assert 0.0 <= age < 10.0, "frames of a bus are stamped when they come"
+
+
+def test_the_lead_of_a_can_bus_is_chosen_by_the_topics_of_the_host_and_damage_is_told() -> None:
+    with Graph() as graph, can.Bus(channel="lfd-bend", interface="virtual") as bus:
+        adapter = graph.add(
+            RadarAdapterNode(graph.context, cli_args=bus_arguments(can_channel="lfd-bend"))
+        )
+        car = probe(graph)
+        targets = listen(graph, car, RadarTarget, "radar/target")
+        told: list[Log] = []
+        car.create_subscription(Log, "/rosout", told.append, 100)
+        speed = car.create_publisher(TwistStamped, "vehicle/twist", 10)
+        turning = car.create_publisher(Imu, "vehicle/imu", 10)
+        graph.spin_until(
+            lambda: speed.get_subscription_count() and turning.get_subscription_count()
+            and car.count_publishers("/radar/target")
+            and adapter.count_subscribers("/rosout"),
+            "discovery",
+        )  # fmt: skip
+        driven, felt = TwistStamped(), Imu()
+        driven.twist.linear.x, felt.angular_velocity.z = 15.0, 0.1
+        scan = 0
+
+        def send_scan() -> bool:
+            nonlocal scan
+            speed.publish(driven)
+            turning.publish(felt)
+            graph.spin_for(0.05)
+            parked = {"STATUS": 3, "RANGE": 20.0, "RANGE_RATE": -15.0}
+            aside = {"STATUS": 3, "RANGE": 60.0, "ANGLE": -11.3}
+            frames = scan_frames(0.0, scan, {3: parked, 12: aside})
+            for _, identifier, data in [*frames, (0.0, 0x500, b"cut")]:
+                bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+            scan += 1
+            return bool(targets) and targets[-1].has_target and bool(told)
+
+        graph.spin_until(send_scan, "a lead around the bend")
+        assert targets[-1].clearance == pytest.approx(58.8, abs=0.1)
+        assert any("ESR frames of a wrong length" in log.msg for log in told)
 
 
 @pytest.mark.parametrize(

@@ -320,6 +320,24 @@ def test_host_signals_on_can_go_with_any_radar(radar: str, tmp_path: Path) -> No
     assert len(speeds) == SECONDS * 100 and set(speeds) == {15.0}, "the topic's are another source"
 
 
+def test_the_lead_on_can_is_chosen_as_fast_and_as_bent_as_the_host_drives(tmp_path: Path) -> None:
+    car = Car("mcap")
+    rows = [("/imu/data", car.imu(t, 0.5, yaw=0.1)) for t in times(100.0)]
+    rows += [("/vehicle/speed", car.twist(t, 15.0)) for t in times(50.0)]
+    # One message that says nothing must not undo what is known.
+    rows += [("/imu/data", car.imu(102.001, 0.5, yaw=math.nan))]
+    rows += [("/vehicle/speed", car.twist(102.001, math.nan))]
+    for scan, time in enumerate(times(20.0)):
+        parked = {"STATUS": 3, "RANGE": 20.0, "RANGE_RATE": -15.0}
+        aside = {"STATUS": 3, "RANGE": 60.0, "ANGLE": -11.3}
+        frames = scan_frames(time + 0.001, scan, {3: parked, 12: aside})
+        rows += [("/can/rx", car.can_frame(*frame)) for frame in frames]
+    drive = read_drive(car.write(tmp_path / "bag", rows))
+    seen = [s for s in drive.samples if s.input == RADAR and s.has_target]
+    assert len(seen) >= SECONDS * 20 - 3
+    assert {round(s.clearance, 1) for s in seen} == {58.8}
+
+
 def test_odometry_and_acceleration_with_covariance_are_host_signals(tmp_path: Path) -> None:
     car = Car("mcap")
     rows = esr_rows(car)

@@ -25,7 +25,7 @@ from lfd_mpc.node_process import run_node
 from lfd_mpc.node_support import PIPELINE_QOS, declare_settings
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR
 from lfd_replay.adapter_settings import RadarAdapterSettings
-from lfd_replay.recordings.can_log import CanDrive, HostSignals
+from lfd_replay.recordings.can_log import HostSignals
 from lfd_replay.recordings.recorded_messages import (
     CAN_FRAME,
     ESR_STATUS_4,
@@ -101,10 +101,10 @@ class RadarAdapterNode(Node):
             self._listen(TwistStamped, "vehicle/twist", "geometry_msgs/msg/TwistStamped")
         if ACCELERATION not in given:
             self._listen(Imu, "vehicle/imu", "sensor_msgs/msg/Imu")
+        self._told = 0
         self._bus: can.BusABC | None = None
         if settings.source == "can_bus":
-            self._open_bus(settings, host)
-        self._told = 0
+            self._open_bus(settings)
 
     def _listen(self, kind: Any, topic: str, message_type: str) -> None:
         """Host signals tell the converter how the car moves; they are not passed on."""
@@ -121,7 +121,7 @@ class RadarAdapterNode(Node):
             self._outputs.publish(sample)
         self._tell_damage()
 
-    def _open_bus(self, settings: RadarAdapterSettings, host: HostSignals | None) -> None:
+    def _open_bus(self, settings: RadarAdapterSettings) -> None:
         try:
             self._bus = can.Bus(channel=settings.can_channel, interface=settings.can_interface)
         except (can.CanError, OSError, ValueError, ImportError) as error:
@@ -130,7 +130,6 @@ class RadarAdapterNode(Node):
                 f"radar_adapter: CAN channel '{settings.can_channel}' of interface "
                 f"'{settings.can_interface}' cannot be opened ({detail})"
             ) from error
-        self._can = CanDrive(host)
         self._received: queue.SimpleQueue[tuple[int, can.Message]] = queue.SimpleQueue()
         self._reader = threading.Thread(target=self._read_bus, daemon=True)
         self._reader.start()
@@ -149,8 +148,10 @@ class RadarAdapterNode(Node):
             stamp, message = self._received.get()
             if message.is_error_frame or message.is_remote_frame:
                 continue
-            for sample in self._can.push((stamp, message.arbitration_id, bytes(message.data))):
+            frame = stamp, message.arbitration_id, bytes(message.data)
+            for sample in self._converter.push_frame(frame):
                 self._outputs.publish(sample)
+        self._tell_damage()
 
     def _tell_damage(self) -> None:
         damaged = sum(self._converter.counts.values())

@@ -13,7 +13,7 @@ from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, Sample, ScalarSample
 from lfd_replay.drive import LATEST
 from lfd_replay.recordings.esr import EsrDecoder, Scan, select_lead
-from lfd_replay.recordings.lead_selection import LeadSelector
+from lfd_replay.recordings.lead_selection import HostMotion, LeadSelector
 
 if TYPE_CHECKING:
     import can
@@ -102,12 +102,15 @@ def _host_signals(host: HostSignals) -> dict[int, list[_Signal]]:
 class CanDrive:
     """Frames in, samples out: the radar's lead and the host's signals."""
 
-    def __init__(self, host: HostSignals | None = None) -> None:
-        """Raises UserError for a DBC file or signal that is not there."""
+    def __init__(self, host: HostSignals | None = None, motion: HostMotion | None = None) -> None:
+        """`motion` is shared with whoever hears of the host elsewhere than on CAN.
+
+        Raises UserError for a DBC file or signal that is not there.
+        """
         self._esr = EsrDecoder()
         self._selector = LeadSelector()
         self._host = {} if host is None else _host_signals(host)
-        self._speed: float | None = None
+        self._motion = motion or HostMotion()
         self.counts = self._esr.counts
 
     def push(self, frame: Frame) -> Iterator[Sample]:
@@ -127,7 +130,7 @@ class CanDrive:
                 continue
             sample = ScalarSample(signal.input, stamp, value)
             if signal.input == HOST_SPEED:
-                self._speed = sample.value
+                self._motion.hear(speed=sample.value)
             yield sample
 
     def flush(self) -> Iterator[Sample]:
@@ -135,7 +138,7 @@ class CanDrive:
         yield from map(self._lead, self._esr.flush())
 
     def _lead(self, scan: Scan) -> Sample:
-        return select_lead(self._selector, scan, self._speed)
+        return select_lead(self._selector, scan, self._motion)
 
 
 def read_can_streams(

@@ -24,7 +24,7 @@ from lfd_mpc.samples import (
 )
 from lfd_replay.recordings.can_log import CanDrive, Frame, HostSignals
 from lfd_replay.recordings.esr import ScanAssembler, esr_track, select_lead
-from lfd_replay.recordings.lead_selection import LeadSelector, Track
+from lfd_replay.recordings.lead_selection import HostMotion, LeadSelector, Track
 
 ESR_TRACK, ESR_STATUS_4 = "delphi_esr_msgs/msg/EsrTrack", "delphi_esr_msgs/msg/EsrStatus4"
 RADAR_TRACKS = "radar_msgs/msg/RadarTracks"
@@ -75,13 +75,12 @@ class MessageConverter:
     def __init__(self, mounting: Mounting | None = None, host: HostSignals | None = None) -> None:
         """Raises UserError for a DBC file or signal that is not there."""
         self._mounting = mounting or Mounting()
-        self._can = CanDrive(host)
+        self._motion = HostMotion()
+        self._can = CanDrive(host, self._motion)
         self.counts: Counter[str] = self._can.counts
         self._selector = LeadSelector()
         self._assembler = ScanAssembler(self.counts)
         self._numbers: dict[bytes, int] = {}
-        self._speed: float | None = None
-        self._yaw_rate: float | None = None
         self._converters: dict[str, Callable[[Any, int], Iterable[Sample]]] = {
             "lfd_msgs/msg/RadarTarget": self._radar_target,
             ESR_TRACK: self._esr_track,
@@ -102,10 +101,14 @@ class MessageConverter:
         stamp = header.sec * 1_000_000_000 + header.nanosec
         return self._converters[message_type](message, stamp or received)
 
+    def push_frame(self, frame: Frame) -> Iterable[Sample]:
+        """Take a frame as it comes from a bus itself."""
+        return self._can.push(frame)
+
     def flush(self) -> Iterator[Sample]:
         """What the end of a recording has cut off."""
         for scan in self._assembler.flush():
-            yield select_lead(self._selector, scan, self._speed, self._yaw_rate)
+            yield select_lead(self._selector, scan, self._motion)
         yield from self._can.flush()
 
     def _radar_target(self, message: Any, stamp: int) -> Iterable[Sample]:
@@ -130,7 +133,7 @@ class MessageConverter:
         )
         rolling = int(message.rolling_count)
         for scan in self._assembler.push(stamp, int(message.id), track, rolling):
-            yield select_lead(self._selector, scan, self._speed, self._yaw_rate)
+            yield select_lead(self._selector, scan, self._motion)
 
     def _esr_status_4(self, message: Any, _stamp: int) -> Iterable[Sample]:
         self._assembler.in_path = int(message.path_id_acc)
@@ -138,7 +141,8 @@ class MessageConverter:
 
     def _radar_tracks(self, message: Any, stamp: int) -> Iterable[Sample]:
         tracks = [self._track(track) for track in message.tracks]
-        return (self._selector.select(stamp, tracks, self._speed, self._yaw_rate),)
+        host = self._motion
+        return (self._selector.select(stamp, tracks, host.speed, host.yaw_rate),)
 
     def _track(self, track: Any) -> Track:
         identity = bytes(track.uuid.uuid)
@@ -162,7 +166,7 @@ class MessageConverter:
 
     def _imu(self, message: Any, stamp: int) -> Iterable[Sample]:
         if message.angular_velocity_covariance[0] != -1.0:
-            self._yaw_rate = float(message.angular_velocity.z)
+            self._motion.hear(yaw_rate=float(message.angular_velocity.z))
         return (self._forward(message.linear_acceleration, stamp),)
 
     def _accel(self, message: Any, stamp: int) -> Iterable[Sample]:
@@ -182,5 +186,6 @@ class MessageConverter:
         return (ScalarSample(LEAD_ACCELERATION, stamp, float(message.accel.linear.x)),)
 
     def _host_speed(self, twist: Any, stamp: int) -> Sample:
-        self._speed = float(twist.linear.x)
-        return ScalarSample(HOST_SPEED, stamp, self._speed)
+        speed = float(twist.linear.x)
+        self._motion.hear(speed=speed)
+        return ScalarSample(HOST_SPEED, stamp, speed)
