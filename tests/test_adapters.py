@@ -8,13 +8,14 @@ from pathlib import Path
 
 import can
 import pytest
+from can.interfaces.virtual import VirtualBus
 from esr_frames import STATUS_4, encode, scan_frames
 from geometry_msgs.msg import AccelWithCovarianceStamped, TwistStamped
 from message_workspace import build
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import Log
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import Imu
 from test_esr import HOST_DBC, host_frames
 
@@ -169,6 +170,34 @@ def test_the_lead_of_a_can_bus_is_chosen_by_the_topics_of_the_host_and_damage_is
         graph.spin_until(send_scan, "a lead around the bend")
         assert targets[-1].clearance == pytest.approx(58.8, abs=0.1)
         assert any("ESR frames of a wrong length" in log.msg for log in told)
+
+
+def test_an_interface_that_was_down_is_named_and_read_again(monkeypatch) -> None:
+    down = [can.CanOperationError("Network is down"), OSError(19, "No such device")]
+    receive = VirtualBus.recv
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        if down:
+            raise down.pop(0)
+        return receive(self, timeout)
+
+    monkeypatch.setattr(VirtualBus, "recv", recv)
+    with Graph() as graph, can.Bus(channel="lfd-down", interface="virtual") as bus:
+        car = probe(graph)
+        told: list[Log] = []
+        everything = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        car.create_subscription(Log, "/rosout", told.append, everything)
+        targets = listen(graph, car, RadarTarget, "radar/target")
+        graph.add(RadarAdapterNode(graph.context, cli_args=bus_arguments(can_channel="lfd-down")))
+
+        def send_scan() -> bool:
+            for _, identifier, data in scan_frames(0.0, 0, {}):
+                bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+            graph.spin_for(0.05)
+            said = "CAN channel 'lfd-down' cannot be read (Network is down); trying again"
+            return bool(targets) and any(log.msg == said for log in told)
+
+        graph.spin_until(send_scan, "targets after the failure, and that it was told")
 
 
 @pytest.mark.parametrize(

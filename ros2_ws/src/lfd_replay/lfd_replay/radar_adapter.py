@@ -9,6 +9,7 @@ import importlib
 import queue
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,9 @@ ON_CAN = ("can_frames", "can_bus")
 
 BUS_POLL = 0.005
 """Seconds between looks at what the bus has received."""
+
+BUS_RETRY = 0.5
+"""Seconds after which a bus that could not be read is tried again."""
 
 
 def message_class(message_type: str) -> Any:
@@ -130,6 +134,7 @@ class RadarAdapterNode(Node):
                 f"radar_adapter: CAN channel '{settings.can_channel}' of interface "
                 f"'{settings.can_interface}' cannot be opened ({detail})"
             ) from error
+        self._channel = settings.can_channel
         self._received: queue.SimpleQueue[tuple[int, can.Message]] = queue.SimpleQueue()
         self._reader = threading.Thread(target=self._read_bus, daemon=True)
         self._reader.start()
@@ -138,7 +143,16 @@ class RadarAdapterNode(Node):
     def _read_bus(self) -> None:
         bus = self._bus
         while bus is not None and self._bus is bus:
-            message = bus.recv(timeout=0.2)
+            try:
+                message = bus.recv(timeout=0.2)
+            except (can.CanError, OSError) as error:
+                # An interface that goes down may come up again.
+                self.get_logger().error(
+                    f"CAN channel '{self._channel}' cannot be read ({error}); trying again",
+                    throttle_duration_sec=10.0,
+                )
+                time.sleep(BUS_RETRY)
+                continue
             if message is not None:
                 # The node's clock, so that the stamps fit those of the other inputs.
                 self._received.put((self.get_clock().now().nanoseconds, message))
