@@ -576,6 +576,62 @@ def test_a_damaged_segment_is_named(data: Path, tmp_path: Path, capsys) -> None:
     assert "no log CAN/radar; there are: CAN/speed" in capsys.readouterr().err
 
 
+def small_segment(folder: Path, damage: tuple[str, str, Any] | None = None) -> Path:
+    """A lead at 30 m for one second; `damage` replaces an array by (log, file, what it holds)."""
+    time = np.arange(20) * 0.05
+    rows = [[30.0, 0.0, -1.0, np.nan, np.nan, 7.0, 0.0]] * 20
+    arrays: dict[tuple[str, str], Any] = {
+        ("CAN/radar", "value"): rows,
+        ("CAN/speed", "value"): [15.0] * 20,
+        ("IMU/accelerometer", "value"): [[0.5, 0.0, 9.81]] * 20,
+        ("IMU/gyro", "value"): [[0.0, 0.0, 0.0]] * 20,
+    }
+    arrays |= {(log, "t"): time for log, _ in arrays}
+    if damage is not None:
+        arrays[damage[:2]] = damage[2]
+    for (log, file), array in arrays.items():
+        (folder / "processed_log" / log).mkdir(parents=True, exist_ok=True)
+        with (folder / "processed_log" / log / file).open("wb") as out:
+            np.save(out, np.array(array))
+    return folder
+
+
+NO_TIME = [np.nan, *np.arange(1, 20) * 0.05]
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (("CAN/radar", "t", NO_TIME), "CAN/radar: time 1 is nan; s, finite and below 2147483648"),
+        (("CAN/speed", "t", [1e12] * 20), "CAN/speed: time 1 is 1000000000000.0"),
+        (("CAN/radar", "value", [30.0] * 20), "rows of at least 6 values are expected"),
+        (("IMU/accelerometer", "value", [0.5] * 20), "values of shape (20, 1); a row of times and"),
+        (("IMU/gyro", "value", [0.5] * 20), "IMU/gyro: times of shape (20,)"),
+        (("IMU/gyro", "t", 0.5), "IMU/gyro: times of shape ()"),
+        (("CAN/speed", "value", []), "CAN/speed: 20 times and 0 values"),
+        (("CAN/speed", "value", ["fast"] * 20), "CAN/speed: cannot be read as numpy arrays"),
+    ],
+)
+def test_a_segment_s_array_that_is_damaged_is_named(
+    damage: tuple[str, str, Any], said: str, tmp_path: Path, capsys
+) -> None:
+    segment = small_segment(tmp_path / "40", damage)
+    assert run_command(main_import, [str(segment), "-o", str(tmp_path / "out.mcap")]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+
+
+def test_a_segment_takes_what_is_not_finite_and_does_without_speed(tmp_path: Path) -> None:
+    odd = [[12.0, 0.0, -1.0, 0.0, 0.0, np.nan, 0.0]] + [[30.0, 0.0, -1.0, 0.0, 0.0, 7.0, 0.0]] * 19
+    segment = small_segment(tmp_path / "40", ("CAN/radar", "value", odd))
+    for file in ("t", "value"):
+        with (segment / "processed_log" / "CAN" / "speed" / file).open("wb") as out:
+            np.save(out, np.array([]))
+    drive = read_drive(segment)
+    assert drive.count(HOST_SPEED) == 0
+    assert {s.clearance for s in drive.samples if s.input == RADAR and s.has_target} == {30.0}
+
+
 def inspected(path: Path, tmp_path: Path, *options: str) -> dict:
     file = tmp_path / "inspected.json"
     assert run_command(main_inspect, [str(path), *options, "--json", str(file)]) == 0
