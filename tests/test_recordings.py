@@ -338,6 +338,33 @@ def test_the_lead_on_can_is_chosen_as_fast_and_as_bent_as_the_host_drives(tmp_pa
     assert {round(s.clearance, 1) for s in seen} == {58.8}
 
 
+@pytest.mark.parametrize(
+    ("rotation", "turning"),
+    [
+        ((180.0, 0.0, 0.0), (0.0, 0.0, -0.1)),
+        ((0.0, 90.0, 0.0), (-0.1, 0.0, 0.0)),
+        ((90.0, 0.0, 0.0), (0.0, 0.1, 0.0)),
+        ((0.0, 0.0, 180.0), (0.0, 0.0, 0.1)),
+    ],
+)
+def test_a_turned_sensor_s_yaw_rate_bends_the_path_to_its_side(
+    rotation: tuple[float, float, float], turning: tuple[float, float, float], tmp_path: Path
+) -> None:
+    assert Mounting(rotation).yaw_rate(*turning) == pytest.approx(0.1)
+    car, rows = Car("mcap"), []
+    for time in times(100.0):
+        imu = car.imu(time, 0.5)
+        imu.angular_velocity = car.vector(*turning)
+        rows += [("/imu", imu), ("/speed", car.twist(time, 15.0))]
+    for time in times(20.0):
+        cars = ((7, 60.0, 12.0, 0.0), (9, 50.0, -8.3, 0.0), (11, 40.0, 0.0, 0.0))
+        rows.append(("/radar/tracks", car.radar_tracks(time, *cars)))
+    bag = car.write(tmp_path / "bag", rows)
+    drive = read_drive(bag, ReadOptions(mounting=Mounting(rotation)))
+    seen = [s for s in drive.samples if s.input == RADAR and s.has_target]
+    assert {s.clearance for s in seen[3:]} == {60.0}, "the one to the left"
+
+
 def test_odometry_and_acceleration_with_covariance_are_host_signals(tmp_path: Path) -> None:
     car = Car("mcap")
     rows = esr_rows(car)

@@ -44,7 +44,7 @@ def read_segment_streams(path: Path, mounting: Mounting) -> dict[str, list[Sampl
     folder = path / LOG if (path / LOG).is_dir() else path
     speed_time, speed = _log(folder, SPEED, 1)
     streams: dict[str, list[Sample]] = {
-        RADAR: _radar(folder, speed_time, speed[:, 0]),
+        RADAR: _radar(folder, mounting, speed_time, speed[:, 0]),
         HOST_SPEED: [
             ScalarSample(HOST_SPEED, _stamp(t), float(v))
             for t, v in zip(speed_time, speed[:, 0], strict=True)
@@ -61,14 +61,14 @@ def read_segment_streams(path: Path, mounting: Mounting) -> dict[str, list[Sampl
     return streams
 
 
-def _radar(folder: Path, speed_time: Array, speed: Array) -> list[Sample]:
+def _radar(folder: Path, mounting: Mounting, speed_time: Array, speed: Array) -> list[Sample]:
     time, tracks = _log(folder, RADAR_TRACKS, ADDRESS + 1)
     selector, motion, samples = LeadSelector(), HostMotion(), []
     yaw_time, yaw = np.empty(0), np.empty(0)
     if _there(folder, YAW) is not None:
         yaw_time, gyro = _log(folder, YAW, 3)
-        # Turning left is positive here; the phone's third axis points down.
-        yaw = -gyro[:, 2]
+        # About forward, right and down, as the accelerometer.
+        yaw = np.array([mounting.yaw_rate(x, -y, -z) for x, y, z in gyro[:, :3].tolist()])
     for rows in np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) > SCAN_GAP) + 1):
         if not len(rows):
             continue

@@ -68,6 +68,15 @@ class Mounting:
         )
         return row[0] * x + row[1] * y + row[2] * z - self.offset
 
+    def yaw_rate(self, x: float, y: float, z: float) -> float:
+        """Yaw rate of the car in rad/s, positive to the left, from the sensor's own turn rates."""
+        if self.rotation == (0.0, 0.0, 0.0):
+            # An axis that does not count may be NaN.
+            return z
+        roll, pitch, _ = map(radians, self.rotation)
+        # Third row of the same R.
+        return -sin(pitch) * x + cos(pitch) * sin(roll) * y + cos(pitch) * cos(roll) * z
+
 
 class MessageConverter:
     """Messages of one recording, or of one car, to samples; counts what is damaged."""
@@ -166,7 +175,9 @@ class MessageConverter:
 
     def _imu(self, message: Any, stamp: int) -> Iterable[Sample]:
         if message.angular_velocity_covariance[0] != -1.0:
-            self._motion.hear(yaw_rate=float(message.angular_velocity.z))
+            rate = message.angular_velocity
+            turning = self._mounting.yaw_rate(float(rate.x), float(rate.y), float(rate.z))
+            self._motion.hear(yaw_rate=turning)
         return (self._forward(message.linear_acceleration, stamp),)
 
     def _accel(self, message: Any, stamp: int) -> Iterable[Sample]:
