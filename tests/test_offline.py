@@ -100,6 +100,28 @@ def test_rows_carry_the_horizons() -> None:
         np.testing.assert_array_equal(rows["horizon"][name], expected, err_msg=name)
 
 
+@pytest.mark.parametrize("report", [False, True])
+def test_the_time_is_that_of_warm_code_with_and_without_a_page(
+    report: bool, tmp_path: Path, monkeypatch
+) -> None:
+    drive, out = tmp_path / "drive.csv", tmp_path / "out.json"
+    rows = [f"{k * 0.05:.2f},30,0,15,0" for k in range(40)]
+    drive.write_text(
+        "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2\n" + "\n".join(rows)
+    )
+    fetching, own = [1.0], OfflineGraph.rows
+
+    def fetched_first(self, samples):
+        if fetching:
+            time.sleep(fetching.pop())
+        return own(self, samples)
+
+    monkeypatch.setattr(OfflineGraph, "rows", fetched_first)
+    options = ["--report", str(tmp_path / "page")] if report else []
+    assert main_evaluate([str(drive), *options, "--json", str(out)]) == 0
+    assert 0.0 < json.loads(out.read_text())["elapsed_s"] < 0.9 and not fetching
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     """Three drives, and one that is none."""
