@@ -187,6 +187,7 @@ MISTAKES = {
     ),
     "refused parameter": (["good.csv", "--params", "refused.yaml"], "preview_time"),
     "unwritable": (["good.csv", "--json", "good.csv/out.json"], "cannot be written"),
+    "written over a folder": (["good.csv", "--json", "folder"], "folder: cannot be written"),
 }
 
 
