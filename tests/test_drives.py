@@ -186,6 +186,15 @@ MISTAKES = {
         "mpc_node: parameter 7: ",
     ),
     "refused parameter": (["good.csv", "--params", "refused.yaml"], "preview_time"),
+    "unknown node": (
+        ["good.csv", "--params", "node.yaml"],
+        "unknown node '/**/mcp_node'; there are: /**, mpc_node, observer_node",
+    ),
+    "a name too long": (["x" * 300 + ".csv"], "File name too long; a path that can be opened"),
+    "mapping to nothing": (
+        ["good.csv", "--map", "range_m=dist"],
+        "--map range_m=dist: column 'dist' is missing; there are: t_s, range_m",
+    ),
     "unwritable": (["good.csv", "--json", "good.csv/out.json"], "cannot be written"),
     "written over a folder": (["good.csv", "--json", "folder"], "folder: cannot be written"),
 }
@@ -216,6 +225,7 @@ def test_evaluate_ends_a_mistake_with_one_line(mistake, tmp_path, monkeypatch, c
     (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
     (tmp_path / "folder").mkdir()
     (tmp_path / "typo.yaml").write_text("/**/mpc_node: {ros__parameters: {preview_tiem: 1.0}}")
+    (tmp_path / "node.yaml").write_text("/**/mcp_node: {ros__parameters: {preview_time: 1.0}}")
     (tmp_path / "number.yaml").write_text("/**/mpc_node: {ros__parameters: {7: 1.0}}")
     (tmp_path / "refused.yaml").write_text("/**/mpc_node: {ros__parameters: {preview_time: -1.0}}")
     before = sorted(tmp_path.iterdir())
@@ -283,6 +293,16 @@ def test_a_given_file_replaces_the_column_of_the_first(tmp_path: Path) -> None:
     drive = read_drive(out)
     assert [s.value for s in drive.samples if s.input == ACCELERATION] == [9.0, 8.0]
     assert drive.count(HOST_SPEED) == 3
+
+
+@pytest.mark.parametrize(
+    "key", ["mpc_node", "/mpc_node", "/car/mpc_node", "/**/mpc_node", "/**", "/*", "'*'"]
+)
+def test_a_parameter_file_names_nodes_as_ros_does(key: str, tmp_path: Path) -> None:
+    file = tmp_path / "params.yaml"
+    other = "/radar_adapter: {ros__parameters: {source: can_bus}}"
+    file.write_text(f"{key}: {{ros__parameters: {{preview_time: 1.25}}}}\n{other}\n")
+    assert graph_settings("robust", file).mpc.preview_time == 1.25
 
 
 @pytest.mark.parametrize("profile", ["robust", "paper"])

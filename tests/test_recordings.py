@@ -724,6 +724,29 @@ def test_inspect_tells_gaps_and_clock_steps(tmp_path: Path) -> None:
     assert felt["ranges"]["acceleration"]["not_finite"] == 400
 
 
+@pytest.mark.parametrize(
+    ("name", "option", "said"),
+    [
+        ("drive.csv", ["--map", "foo=bar"], "--map foo: no such column of a drive"),
+        ("drive.csv", ["--map", "range_m=dist"], "--map range_m=dist: column 'dist' is missing"),
+        ("drive.csv", ["--radar-topic", "/radar"], "--radar-topic is for a bag"),
+        ("bag", ["--radar-topic", "/rada"], "--radar-topic /rada: no such topic"),
+        ("bag", ["--accel-topic", "/esr/tracks"], "is delphi_esr_msgs/msg/EsrTrack; one of"),
+        ("bag", ["--map", "range_m=dist"], "--map is for a CSV drive"),
+        ("bag", ["--host-dbc", "no.dbc", *ON_CAN], "no.dbc: cannot be read as a DBC file"),
+    ],
+)
+def test_inspect_refuses_wrong_options(
+    name: str, option: list[str], said: str, tmp_path: Path, capsys
+) -> None:
+    car = Car("mcap")
+    car.write(tmp_path / "bag", esr_rows(car) + host_rows(car))
+    (tmp_path / "drive.csv").write_text(ROWS)
+    assert run_command(main_inspect, [str(tmp_path / name), *option]) == 2
+    printed = capsys.readouterr()
+    assert said in printed.err and printed.err.count("\n") == 1 and not printed.out
+
+
 @pytest.mark.parametrize("name", ["no.mcap", "broken.mcap", "text.txt"])
 def test_inspect_refuses_only_what_cannot_be_read(name: str, tmp_path: Path, capsys) -> None:
     path = tmp_path / name

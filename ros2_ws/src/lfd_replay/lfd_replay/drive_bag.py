@@ -19,6 +19,7 @@ from rosbags.typesys.store import Typestore
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, LEAD_ACCELERATION, RADAR, RadarSample, Sample
 from lfd_replay.drive import Drive
+from lfd_replay.errors import WrongOption
 from lfd_replay.paths import share_folder
 from lfd_replay.recordings.can_log import HostSignals
 from lfd_replay.recordings.message_definitions import DEFINITIONS
@@ -140,7 +141,7 @@ def _host_frames(path: Path, reader: AnyReader, on_can: tuple[str, ...]) -> list
     """The connections that may carry host signals. Raises UserError where there is none."""
     frames = [c for c in reader.connections if on_can and c.msgtype == CAN_FRAME]
     if on_can and not frames:
-        raise UserError(
+        raise WrongOption(
             f"{path}: --host-dbc: no topic of type {CAN_FRAME}; there are: {_there(reader)}"
         )
     return frames
@@ -156,9 +157,9 @@ def _choose(path: Path, reader: AnyReader, name: str, topic: str | None) -> list
     if topic is not None:
         chosen = [c for c in reader.connections if c.topic == topic]
         if not chosen:
-            raise UserError(f"{path}: {option} {topic}: no such topic; there are: {there}")
+            raise WrongOption(f"{path}: {option} {topic}: no such topic; there are: {there}")
         if chosen[0].msgtype not in TYPES[name]:
-            raise UserError(
+            raise WrongOption(
                 f"{path}: {option} {topic}: is {chosen[0].msgtype}; one of "
                 f"{', '.join(TYPES[name])} is expected"
             )

@@ -17,6 +17,7 @@ from lfd_mpc.samples import (
     ScalarSample,
 )
 from lfd_replay.drive import LATEST
+from lfd_replay.errors import WrongOption
 
 COLUMNS = ("t_s", "range_m", "range_rate_mps", "host_speed_mps", "host_accel_mps2")
 """Columns of a drive; units are in the names. `track_id` and `lead_accel_mps2` are optional."""
@@ -187,11 +188,16 @@ def read_csv_streams(
     Raises UserError for a missing column, text that is no number or decreasing time.
     """
     table = Table(path, mapping)
-    for name in mapping:
+    for name, column in mapping.items():
         if name not in (*COLUMNS, TRACK, LEAD_ACCEL):
-            raise UserError(
+            raise WrongOption(
                 f"--map {name}: no such column of a drive; "
                 f"there are: {', '.join((*COLUMNS, TRACK, LEAD_ACCEL))}"
+            )
+        if not table.has(name):
+            raise WrongOption(
+                f"{path}: --map {name}={column}: column '{column}' is missing; "
+                f"there are: {table.there}"
             )
     missing = [
         mapping.get(column, column)

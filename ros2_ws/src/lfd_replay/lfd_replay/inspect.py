@@ -10,7 +10,7 @@ from rich.table import Table
 from lfd_mpc.errors import UserError
 from lfd_replay.command_line import print_table
 from lfd_replay.drive_csv import read_csv_as_it_is
-from lfd_replay.errors import run_command
+from lfd_replay.errors import WrongOption, run_command
 from lfd_replay.inspection import bag_topics, inspect_streams, remarks
 from lfd_replay.read_drive import add_read_options, read_options, read_streams, without_offset
 from lfd_replay.text_file import write_text
@@ -58,6 +58,8 @@ def main_inspect(arguments: list[str]) -> int:
     problem = ""
     try:
         streams, damage = read_streams(options.drive, reading)
+    except WrongOption:
+        raise
     except UserError as error:
         # It can be read, but is no drive: what the graph needs is not there or must be chosen.
         damage, problem = [], str(error).removeprefix(f"{options.drive}: ")

@@ -14,6 +14,7 @@ from lfd_mpc.samples import ACCELERATION, HOST_SPEED, Sample, ScalarSample
 from lfd_replay.drive import Drive, make_drive
 from lfd_replay.drive_bag import OPTIONS, Topics, read_bag_streams
 from lfd_replay.drive_csv import read_csv_streams
+from lfd_replay.errors import WrongOption
 from lfd_replay.recordings.can_log import SUFFIXES as CAN_SUFFIXES
 from lfd_replay.recordings.can_log import HostSignals, read_can_streams
 from lfd_replay.recordings.comma2k19 import is_segment, read_segment_streams
@@ -163,7 +164,7 @@ def _refuse_what_cannot_apply(path: Path, kind: str, options: ReadOptions) -> No
     for option, value in given.items():
         if value and kind not in MEANT_FOR[option]:
             meant = " or ".join(MEANT_FOR[option])
-            raise UserError(f"{path}: {option} is for {meant}, and this is {kind}")
+            raise WrongOption(f"{path}: {option} is for {meant}, and this is {kind}")
 
 
 def read_streams(
@@ -217,7 +218,7 @@ def _felt_at_standstill(path: Path, felt: list[ScalarSample], driven: list[Sampl
         else np.zeros(len(felt), dtype=bool)
     )
     if standing.sum() < STANDING_SAMPLES:
-        raise UserError(
+        raise WrongOption(
             f"{path}: --imu-offset {STANDSTILL}: the car stands for {standing.sum()} accelerations "
             f"only, {STANDING_SAMPLES} are needed; give the offset in m/s^2"
         )

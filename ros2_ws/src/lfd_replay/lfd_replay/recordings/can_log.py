@@ -12,6 +12,7 @@ from rich.progress import Progress
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, Sample, ScalarSample
 from lfd_replay.drive import LATEST
+from lfd_replay.errors import WrongOption
 from lfd_replay.recordings.esr import EsrDecoder, Scan, select_lead
 from lfd_replay.recordings.lead_selection import HostMotion, LeadSelector
 
@@ -61,11 +62,11 @@ class _Signal:
                 sorted(f"{m.name}.{s.name}" for m in database.messages for s in m.signals)[:20]
             )
             what = "no such signal" if not found else "more than one, name it as MESSAGE.SIGNAL"
-            raise UserError(f"{file}: {name}: {what}; there are: {there}")
+            raise WrongOption(f"{file}: {name}: {what}; there are: {there}")
         self.message, signal = found[0]
         unit = (signal.unit or "").strip().lower()
         if unit and unit not in UNITS:
-            raise UserError(
+            raise WrongOption(
                 f"{file}: {name}: unit '{signal.unit}' is not understood; known: {', '.join(UNITS)}"
             )
         self.name, self.input = signal.name, input_name
@@ -90,7 +91,7 @@ def _host_signals(host: HostSignals) -> dict[int, list[_Signal]]:
         database = cantools.database.load_file(host.dbc)
     except (OSError, ValueError, cantools.Error) as error:
         detail = " ".join(str(error).split())[:200]
-        raise UserError(f"{host.dbc}: cannot be read as a DBC file ({detail})") from error
+        raise WrongOption(f"{host.dbc}: cannot be read as a DBC file ({detail})") from error
     by_frame: dict[int, list[_Signal]] = {}
     for name, input_name in ((host.speed, HOST_SPEED), (host.acceleration, ACCELERATION)):
         if name:
