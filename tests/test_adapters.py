@@ -8,12 +8,14 @@ from pathlib import Path
 
 import can
 import pytest
+from can.interfaces.virtual import VirtualBus
 from esr_frames import STATUS_4, encode, scan_frames
 from geometry_msgs.msg import AccelWithCovarianceStamped, TwistStamped
 from message_workspace import build
 from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import Log
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import Imu
 from test_esr import HOST_DBC, host_frames
 
@@ -131,12 +133,84 @@ def test_a_can_bus_reaches_radar_target_with_what_the_radar_says(tmp_path: Path)
         assert 0.0 <= age < 10.0, "frames of a bus are stamped when they come"
 
 
+def test_the_lead_of_a_can_bus_is_chosen_by_the_topics_of_the_host_and_damage_is_told() -> None:
+    with Graph() as graph, can.Bus(channel="lfd-bend", interface="virtual") as bus:
+        adapter = graph.add(
+            RadarAdapterNode(graph.context, cli_args=bus_arguments(can_channel="lfd-bend"))
+        )
+        car = probe(graph)
+        targets = listen(graph, car, RadarTarget, "radar/target")
+        told: list[Log] = []
+        car.create_subscription(Log, "/rosout", told.append, 100)
+        speed = car.create_publisher(TwistStamped, "vehicle/twist", 10)
+        turning = car.create_publisher(Imu, "vehicle/imu", 10)
+        graph.spin_until(
+            lambda: speed.get_subscription_count() and turning.get_subscription_count()
+            and car.count_publishers("/radar/target")
+            and adapter.count_subscribers("/rosout"),
+            "discovery",
+        )  # fmt: skip
+        driven, felt = TwistStamped(), Imu()
+        driven.twist.linear.x, felt.angular_velocity.z = 15.0, 0.1
+        scan = 0
+
+        def send_scan() -> bool:
+            nonlocal scan
+            speed.publish(driven)
+            turning.publish(felt)
+            graph.spin_for(0.05)
+            parked = {"STATUS": 3, "RANGE": 20.0, "RANGE_RATE": -15.0}
+            aside = {"STATUS": 3, "RANGE": 60.0, "ANGLE": -11.3}
+            frames = scan_frames(0.0, scan, {3: parked, 12: aside})
+            for _, identifier, data in [*frames, (0.0, 0x500, b"cut")]:
+                bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+            scan += 1
+            return bool(targets) and targets[-1].has_target and bool(told)
+
+        graph.spin_until(send_scan, "a lead around the bend")
+        assert targets[-1].clearance == pytest.approx(58.8, abs=0.1)
+        assert any("ESR frames of a wrong length" in log.msg for log in told)
+
+
+def test_an_interface_that_was_down_is_named_and_read_again(monkeypatch) -> None:
+    down = [can.CanOperationError("Network is down"), OSError(19, "No such device")]
+    receive = VirtualBus.recv
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        if down:
+            raise down.pop(0)
+        return receive(self, timeout)
+
+    monkeypatch.setattr(VirtualBus, "recv", recv)
+    with Graph() as graph, can.Bus(channel="lfd-down", interface="virtual") as bus:
+        car = probe(graph)
+        told: list[Log] = []
+        everything = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        car.create_subscription(Log, "/rosout", told.append, everything)
+        targets = listen(graph, car, RadarTarget, "radar/target")
+        graph.add(RadarAdapterNode(graph.context, cli_args=bus_arguments(can_channel="lfd-down")))
+
+        def send_scan() -> bool:
+            for _, identifier, data in scan_frames(0.0, 0, {}):
+                bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+            graph.spin_for(0.05)
+            said = "CAN channel 'lfd-down' cannot be read (Network is down); trying again"
+            return bool(targets) and any(log.msg == said for log in told)
+
+        graph.spin_until(send_scan, "targets after the failure, and that it was told")
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["--ros-args", "-p", "source:=sonar"], "parameter source"),
         (bus_arguments(can_interface="nonsense"), "cannot be opened"),
         (bus_arguments(host_dbc="/none.dbc", speed_signal="X"), "cannot be read as a DBC file"),
+        (bus_arguments(host_dbc="/none.dbc"), "host_dbc goes with speed_signal, accel_signal"),
+        (
+            bus_arguments(source="esr_tracks", host_dbc="car.dbc", speed_signal="X"),
+            "source esr_tracks has no CAN frames; with host_dbc source must be one of: can_frames",
+        ),
     ],
 )
 def test_mistakes_are_named(arguments: list[str], said: str) -> None:

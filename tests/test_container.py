@@ -1,8 +1,9 @@
-"""The image on plain Debian, built and run for real where buildah is (a part of `make soak`)."""
+"""Setting up, and the image on plain Debian, which is built and run where buildah is."""
 
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,27 @@ def test_both_images_share_their_build_script() -> None:
     for name in ("Dockerfile.ros", "Dockerfile.wheels"):
         text = (DOCKER / name).read_text()
         assert "RUN bash /opt/lfd/docker/build.sh" in text and "USER 1000:1000" in text
+
+
+def test_a_step_of_the_setup_that_fails_while_it_clears_the_environment_is_told(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "tools").mkdir()
+    setup = shutil.copy(ROOT / "tools" / "setup.py", tmp_path / "tools")
+    for file in ROOT.glob("requirements*.txt"):
+        shutil.copy(file, tmp_path)
+    (tmp_path / ".venv").mkdir()
+    (tmp_path / "venv.py").write_text(
+        "import shutil, sys\n"
+        "if __name__ == '__main__':\n"
+        "    shutil.rmtree(sys.argv[-1])\n"
+        "    sys.exit('no room for it')\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run([sys.executable, setup], env=environment, capture_output=True, text=True)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert "no room for it" in done.stderr and "check that python3 -m venv works" in done.stderr
+    assert "no room for it" in (tmp_path / "out" / "setup.log").read_text()
 
 
 @pytest.mark.skipif(os.environ.get("LFD_SOAK") != "1", reason="a part of `make soak`: NOT RUN here")

@@ -14,6 +14,7 @@ from lfd_mpc.samples import (
     HOST_SPEED,
     LEAD_ACCELERATION,
     RADAR,
+    UNKNOWN_TRACK,
     RadarSample,
     ScalarSample,
 )
@@ -22,6 +23,7 @@ from lfd_replay.drive_bag import sample_message, typestore, write_drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
 from lfd_replay.import_drive import main_import
+from lfd_replay.inspect import main_inspect
 from lfd_replay.make_drive import main_make
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import NODES, graph_settings, profile_file_text
@@ -151,6 +153,14 @@ MISTAKES = {
     "text": (["text.csv"], "'fast' is not a number"),
     "time decreases": (["backward.csv"], "time decreases"),
     "cut off": (["cut.csv"], "cut off"),
+    "time in ns": (["ns.csv"], "line 2: the time 1.7e+18 s is out of range; t_s is in seconds"),
+    "time in ms": (["ms.csv"], "the time 1.7e+12 s is out of range"),
+    "time beyond numbers": (["far.csv"], "the time 1e+308 s is out of range"),
+    "track beyond 64 bits": (["track.csv"], "column 'track_id': 1e+30 is no track id"),
+    "half a track": (["half.csv"], "column 'track_id': 7.5 is no track id"),
+    "open quote": (["open.csv"], "line 2: cannot be read as CSV"),
+    "long open quote": (["long_open.csv"], "line 2: cannot be read as CSV"),
+    "long text": (["long.csv"], "'" + 37 * "x" + "...' is not a number"),
     "no acceleration": (["no_accel.csv"], "no acceleration sample"),
     "binary": (["binary.csv"], "not a text file"),
     "damaged bag": (["damaged.mcap"], "cannot be read as a bag"),
@@ -176,7 +186,17 @@ MISTAKES = {
         "mpc_node: parameter 7: ",
     ),
     "refused parameter": (["good.csv", "--params", "refused.yaml"], "preview_time"),
+    "unknown node": (
+        ["good.csv", "--params", "node.yaml"],
+        "unknown node '/**/mcp_node'; there are: /**, mpc_node, observer_node",
+    ),
+    "a name too long": (["x" * 300 + ".csv"], "File name too long; a path that can be opened"),
+    "mapping to nothing": (
+        ["good.csv", "--map", "range_m=dist"],
+        "--map range_m=dist: column 'dist' is missing; there are: t_s, range_m",
+    ),
     "unwritable": (["good.csv", "--json", "good.csv/out.json"], "cannot be written"),
+    "written over a folder": (["good.csv", "--json", "folder"], "folder: cannot be written"),
 }
 
 
@@ -190,6 +210,13 @@ def test_evaluate_ends_a_mistake_with_one_line(mistake, tmp_path, monkeypatch, c
     csv(tmp_path, "0,30,fast,15,0.1", name="text.csv")
     csv(tmp_path, ROWS[1], ROWS[0], name="backward.csv")
     (tmp_path / "cut.csv").write_text(HEADER + "\n" + ROWS[0] + "\n0.05,29")
+    for name, time in (("ns", "1.7e18"), ("ms", "1.7e12"), ("far", "1e308")):
+        csv(tmp_path, f"{time},30,-1,15,0.1", name=f"{name}.csv")
+    for name, track in (("track", "1e30"), ("half", "7.5")):
+        csv(tmp_path, f"0,30,-1,15,0.1,{track}", header=HEADER + ",track_id", name=f"{name}.csv")
+    csv(tmp_path, '0,"30,-1,15,0.1', *ROWS, name="open.csv")
+    csv(tmp_path, '0,"30,-1,15,0.1', *ROWS * 5000, name="long_open.csv")
+    csv(tmp_path, f'0,"{"x" * 120_000}",-1,15,0.1', name="long.csv")
     csv(tmp_path, "0,30,-1,15,", name="no_accel.csv")
     (tmp_path / "binary.csv").write_bytes(b"\x00\xff\x00\x01")
     (tmp_path / "damaged.mcap").write_bytes(b"\x89MCAP0\r\n" + b"x" * 100)
@@ -198,6 +225,7 @@ def test_evaluate_ends_a_mistake_with_one_line(mistake, tmp_path, monkeypatch, c
     (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
     (tmp_path / "folder").mkdir()
     (tmp_path / "typo.yaml").write_text("/**/mpc_node: {ros__parameters: {preview_tiem: 1.0}}")
+    (tmp_path / "node.yaml").write_text("/**/mcp_node: {ros__parameters: {preview_time: 1.0}}")
     (tmp_path / "number.yaml").write_text("/**/mpc_node: {ros__parameters: {7: 1.0}}")
     (tmp_path / "refused.yaml").write_text("/**/mpc_node: {ros__parameters: {preview_time: -1.0}}")
     before = sorted(tmp_path.iterdir())
@@ -206,6 +234,22 @@ def test_evaluate_ends_a_mistake_with_one_line(mistake, tmp_path, monkeypatch, c
     errors = capsys.readouterr().err
     assert len(errors.strip().splitlines()) == 1 and said in errors
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_drive_in_other_units_of_time_is_refused_by_all_that_read_it(tmp_path, capsys) -> None:
+    path = csv(tmp_path, "1.7e12,30,-1,15,0.1")
+    for command, more in ((main_inspect, []), (main_import, ["-o", str(tmp_path / "out.mcap")])):
+        assert run_command(command, [str(path), *more]) == 2
+        errors = capsys.readouterr().err
+        assert errors.count("\n") == 1 and "t_s is in seconds, below 2147483648" in errors
+    last = read_drive(csv(tmp_path, "2147483647.9,30,-1,15,0.1"))
+    write_drive(last, tmp_path / "out.mcap")
+    assert read_drive(tmp_path / "out.mcap").samples == last.samples
+
+
+def test_a_track_that_is_not_finite_is_unknown(tmp_path: Path) -> None:
+    path = csv(tmp_path, "0,30,-1,15,0.1,nan", "1,30,-1,15,0.1,", header=HEADER + ",track_id")
+    assert {s.track_id for s in read_drive(path).samples if s.input == RADAR} == {UNKNOWN_TRACK}
 
 
 @pytest.mark.parametrize(
@@ -249,6 +293,16 @@ def test_a_given_file_replaces_the_column_of_the_first(tmp_path: Path) -> None:
     drive = read_drive(out)
     assert [s.value for s in drive.samples if s.input == ACCELERATION] == [9.0, 8.0]
     assert drive.count(HOST_SPEED) == 3
+
+
+@pytest.mark.parametrize(
+    "key", ["mpc_node", "/mpc_node", "/car/mpc_node", "/**/mpc_node", "/**", "/*", "'*'"]
+)
+def test_a_parameter_file_names_nodes_as_ros_does(key: str, tmp_path: Path) -> None:
+    file = tmp_path / "params.yaml"
+    other = "/radar_adapter: {ros__parameters: {source: can_bus}}"
+    file.write_text(f"{key}: {{ros__parameters: {{preview_time: 1.25}}}}\n{other}\n")
+    assert graph_settings("robust", file).mpc.preview_time == 1.25
 
 
 @pytest.mark.parametrize("profile", ["robust", "paper"])

@@ -222,12 +222,15 @@ def test_a_log_cut_in_the_middle_loses_nothing_else(tmp_path: Path, dbc: Path) -
     lines[100] = lines[100][:20]
     lines[200] = "garbage"
     lines[300] = "(1700000000.5) can0 7FF#GG"
+    lines[301] = "(1e30) can0 7FF#00"
+    lines[302] = "(nan) can0 7FF#00"
     log = tmp_path / "cut.log"
     log.write_text("\n".join(lines)[:-7])
     host = HostSignals(dbc, "SPEED.SPEED", "ACCEL_X")
     streams, remarks = read_can_streams(log, host)
     assert len(streams[RADAR]) >= 59 and len(streams[ACCELERATION]) >= 296
     assert any("damaged lines" in remark for remark in remarks), remarks
+    assert "2 frames without a possible stamp" in remarks
     blf = write_log(tmp_path / "whole.blf", log_frames())
     half = tmp_path / "half.blf"
     half.write_bytes(blf.read_bytes()[: blf.stat().st_size * 2 // 3])

@@ -282,6 +282,27 @@ def test_calibrate_writes_parameters_that_evaluate_and_nodes_take(tmp_path: Path
     assert params.read_text() == text, "nothing is lost"
 
 
+@pytest.mark.parametrize(
+    ("rates", "said"),
+    [
+        ([0.0, 0.0], "lead_acceleration_std: Input should be greater than 0, got 0.0"),
+        ([9.0, -9.0], "lead_acceleration_std: Input should be less than or equal to 10, got"),
+    ],
+)
+def test_calibrate_refuses_drives_without_figures_of_driving(
+    rates: list[float], said: str, tmp_path: Path, capsys
+) -> None:
+    drive, params = tmp_path / "d.csv", tmp_path / "p.yaml"
+    rows = [f"{k * 0.05:.2f},30,{rates[k // 10 % 2]},15,0" for k in range(200)]
+    drive.write_text(
+        "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2\n" + "\n".join(rows)
+    )
+    assert run_command(main_calibrate, [str(drive), "-o", str(params)]) == 2
+    error = capsys.readouterr().err
+    assert said in error and str(drive) in error and error.count("\n") == 1
+    assert not params.exists()
+
+
 def few_rows(extent: plan.Extent, recorded: bool) -> list[requirements.Row]:
     """Of each way to judge one row, on few drives."""
     chosen = {

@@ -17,7 +17,7 @@ import pytest
 from lfd_mpc.samples import HOST_SPEED
 from lfd_replay.drive_bag import write_drive
 from lfd_replay.evaluate import main_evaluate
-from lfd_replay.evaluate_many import journal_file
+from lfd_replay.evaluate_many import attempt, journal_file, say_failures
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.generated.generate import generate_drive
 from lfd_replay.offline import CHUNK, OfflineGraph
@@ -100,6 +100,28 @@ def test_rows_carry_the_horizons() -> None:
         np.testing.assert_array_equal(rows["horizon"][name], expected, err_msg=name)
 
 
+@pytest.mark.parametrize("report", [False, True])
+def test_the_time_is_that_of_warm_code_with_and_without_a_page(
+    report: bool, tmp_path: Path, monkeypatch
+) -> None:
+    drive, out = tmp_path / "drive.csv", tmp_path / "out.json"
+    rows = [f"{k * 0.05:.2f},30,0,15,0" for k in range(40)]
+    drive.write_text(
+        "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2\n" + "\n".join(rows)
+    )
+    fetching, own = [1.0], OfflineGraph.rows
+
+    def fetched_first(self, samples):
+        if fetching:
+            time.sleep(fetching.pop())
+        return own(self, samples)
+
+    monkeypatch.setattr(OfflineGraph, "rows", fetched_first)
+    options = ["--report", str(tmp_path / "page")] if report else []
+    assert main_evaluate([str(drive), *options, "--json", str(out)]) == 0
+    assert 0.0 < json.loads(out.read_text())["elapsed_s"] < 0.9 and not fetching
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     """Three drives, and one that is none."""
@@ -136,6 +158,15 @@ def test_a_bad_drive_is_named_and_does_not_stop_the_rest(folder, tmp_path, capfd
     printed = capfd.readouterr()
     assert "3 of 3, 0" in printed.out and "bad.csv: is empty" in printed.err
     assert not journal_file(out, []).exists(), "nothing is left behind"
+
+
+def test_an_unexpected_failure_is_shown_and_does_not_stop_the_rest(capsys) -> None:
+    def fails(_path: Path, _question: object) -> tuple:
+        raise IndexError("no such\nrow")
+
+    result = attempt(fails, Path("odd.csv"), None)
+    assert result["error"] == "odd.csv: failed unexpectedly (IndexError: no such row)"
+    assert "Traceback" in capsys.readouterr().err and say_failures([result]) == 2
 
 
 def test_an_interrupted_run_goes_on_where_it_stopped(folder, tmp_path) -> None:

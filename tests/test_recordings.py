@@ -3,12 +3,13 @@
 import json
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from esr_frames import scan_frames
+from esr_frames import candump, scan_frames
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -19,11 +20,13 @@ from test_live_equals_offline import play_live
 from lfd_diagnosis.verdict import State
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR
 from lfd_replay.drive import Drive
+from lfd_replay.drive_bag import sample_message, typestore
 from lfd_replay.errors import run_command
 from lfd_replay.import_drive import join_drive, main_import
 from lfd_replay.inspect import main_inspect
 from lfd_replay.player import PlayOptions, samples_to_play
 from lfd_replay.read_drive import ReadOptions, read_drive
+from lfd_replay.recordings.can_log import HostSignals
 from lfd_replay.recordings.message_definitions import DEFINITIONS
 from lfd_replay.recordings.recorded_messages import Mounting
 from ros_support import assert_live_equals_offline, offline
@@ -286,6 +289,82 @@ def test_a_bag_of_can_frames_becomes_a_drive(kind: str, tmp_path: Path) -> None:
     check_lead(read_drive(out))
 
 
+def host_on_can(car: Car) -> list[tuple[str, Any]]:
+    """Frames of the host, and of a second radar that sees another car at 80 m."""
+    frames = [frame for time in times(100.0) for frame in host_frames(time, 15.0, 0.5)]
+    for scan, time in enumerate(times(20.0)):
+        frames += scan_frames(time, scan, {3: {"STATUS": 3, "RANGE": 80.0}})
+    return [("/can/rx", car.can_frame(*frame)) for frame in frames]
+
+
+ON_CAN = ["--speed-signal", "SPEED.SPEED", "--accel-signal", "ACCEL_X"]
+
+
+@pytest.mark.parametrize("radar", ["/radar/target", "/esr/tracks"])
+def test_host_signals_on_can_go_with_any_radar(radar: str, tmp_path: Path) -> None:
+    car, dbc, out = Car("mcap"), tmp_path / "car.dbc", tmp_path / "out.mcap"
+    dbc.write_text(HOST_DBC)
+    bag = car.write(tmp_path / "bag", esr_rows(car) + host_rows(car))
+    if radar == "/radar/target":
+        samples = [s for s in read_drive(bag).samples if s.input == RADAR]
+        rows = [sample_message(s)[::2] for s in samples]
+        car.store = typestore()
+    else:
+        rows = esr_rows(car) + [("/vehicle/speed", car.twist(t, 99.0)) for t in times(50.0)]
+    bag = car.write(tmp_path / "mixed", rows + host_on_can(car))
+    arguments = [str(bag), "--host-dbc", str(dbc), *ON_CAN, "-o", str(out)]
+    assert run_command(main_import, arguments) == 0
+    drive = read_drive(out)
+    check_lead(drive)
+    speeds = [s.value for s in drive.samples if s.input == HOST_SPEED]
+    assert len(speeds) == SECONDS * 100 and set(speeds) == {15.0}, "the topic's are another source"
+
+
+def test_the_lead_on_can_is_chosen_as_fast_and_as_bent_as_the_host_drives(tmp_path: Path) -> None:
+    car = Car("mcap")
+    rows = [("/imu/data", car.imu(t, 0.5, yaw=0.1)) for t in times(100.0)]
+    rows += [("/vehicle/speed", car.twist(t, 15.0)) for t in times(50.0)]
+    # One message that says nothing must not undo what is known.
+    rows += [("/imu/data", car.imu(102.001, 0.5, yaw=math.nan))]
+    rows += [("/vehicle/speed", car.twist(102.001, math.nan))]
+    for scan, time in enumerate(times(20.0)):
+        parked = {"STATUS": 3, "RANGE": 20.0, "RANGE_RATE": -15.0}
+        aside = {"STATUS": 3, "RANGE": 60.0, "ANGLE": -11.3}
+        frames = scan_frames(time + 0.001, scan, {3: parked, 12: aside})
+        rows += [("/can/rx", car.can_frame(*frame)) for frame in frames]
+    drive = read_drive(car.write(tmp_path / "bag", rows))
+    seen = [s for s in drive.samples if s.input == RADAR and s.has_target]
+    assert len(seen) >= SECONDS * 20 - 3
+    assert {round(s.clearance, 1) for s in seen} == {58.8}
+
+
+@pytest.mark.parametrize(
+    ("rotation", "turning"),
+    [
+        ((180.0, 0.0, 0.0), (0.0, 0.0, -0.1)),
+        ((0.0, 90.0, 0.0), (-0.1, 0.0, 0.0)),
+        ((90.0, 0.0, 0.0), (0.0, 0.1, 0.0)),
+        ((0.0, 0.0, 180.0), (0.0, 0.0, 0.1)),
+    ],
+)
+def test_a_turned_sensor_s_yaw_rate_bends_the_path_to_its_side(
+    rotation: tuple[float, float, float], turning: tuple[float, float, float], tmp_path: Path
+) -> None:
+    assert Mounting(rotation).yaw_rate(*turning) == pytest.approx(0.1)
+    car, rows = Car("mcap"), []
+    for time in times(100.0):
+        imu = car.imu(time, 0.5)
+        imu.angular_velocity = car.vector(*turning)
+        rows += [("/imu", imu), ("/speed", car.twist(time, 15.0))]
+    for time in times(20.0):
+        cars = ((7, 60.0, 12.0, 0.0), (9, 50.0, -8.3, 0.0), (11, 40.0, 0.0, 0.0))
+        rows.append(("/radar/tracks", car.radar_tracks(time, *cars)))
+    bag = car.write(tmp_path / "bag", rows)
+    drive = read_drive(bag, ReadOptions(mounting=Mounting(rotation)))
+    seen = [s for s in drive.samples if s.input == RADAR and s.has_target]
+    assert {s.clearance for s in seen[3:]} == {60.0}, "the one to the left"
+
+
 def test_odometry_and_acceleration_with_covariance_are_host_signals(tmp_path: Path) -> None:
     car = Car("mcap")
     rows = esr_rows(car)
@@ -374,15 +453,79 @@ def test_an_offset_is_told_at_standstill(tmp_path: Path, capsys) -> None:
     [
         (["--imu-rotation", "1,2"], "3 numbers with commas between is expected"),
         (["--imu-offset", "much"], "a number is expected"),
-        (["--map", "range_m=x"], "--map names columns of a CSV drive"),
+        (["--host-dbc", "car.dbc"], "--host-dbc needs --speed-signal"),
+        (["--host-dbc", "DBC", *ON_CAN], "--host-dbc: no topic of type can_msgs/msg/Frame"),
+        (
+            ["--host-dbc", "DBC", *ON_CAN, "--speed-topic", "/v"],
+            "--speed-topic /v and --speed-signal SPEED.SPEED: give one",
+        ),
+        (["--map", "range_m=x"], "--map is for a CSV drive, and this is a bag"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(
     option: list[str], said: str, tmp_path: Path, capsys
 ) -> None:
     car = Car("mcap")
-    bag = car.write(tmp_path / "bag", esr_rows(car) + host_rows(car))
+    bag, dbc = car.write(tmp_path / "bag", esr_rows(car) + host_rows(car)), tmp_path / "car.dbc"
+    dbc.write_text(HOST_DBC)
+    option = [str(dbc) if word == "DBC" else word for word in option]
     assert run_command(main_import, [str(bag), *option, "-o", str(tmp_path / "o.mcap")]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+
+
+ROWS = (
+    "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2\n0,30,-1,15,0.5\n0.1,30,-1,15,0.7\n"
+)
+
+
+def accelerations(drive: Drive) -> list[float]:
+    return [s.value for s in drive.samples if s.input == ACCELERATION]
+
+
+def test_the_offset_is_taken_off_whatever_the_recording_is(tmp_path: Path) -> None:
+    csv, dbc = tmp_path / "drive.csv", tmp_path / "car.dbc"
+    csv.write_text(ROWS)
+    dbc.write_text(HOST_DBC)
+    tilted = ReadOptions(
+        mounting=Mounting(offset=0.25), host=HostSignals(dbc, "SPEED.SPEED", "ACCEL_X")
+    )
+    log = tmp_path / "drive.log"
+    log.write_text(candump(scan_frames(0.0, 0, {}) + host_frames(0.02, 15.0, 0.5)))
+    assert accelerations(read_drive(log, tilted)) == pytest.approx([0.25])
+    tilted = replace(tilted, host=None)
+    assert accelerations(read_drive(csv, tilted)) == pytest.approx([0.25, 0.45])
+    assert accelerations(join_drive(csv, None, None, tilted)) == pytest.approx([0.25, 0.45])
+    accel = tmp_path / "accel.csv"
+    accel.write_text("t_s,forward\n0,1\n")
+    car = Car("mcap")
+    bag = car.write(tmp_path / "bag", esr_rows(car) + host_rows(car))
+    for recording in (csv, bag):
+        drive = join_drive(recording, f"{accel}:forward", None, tilted)
+        assert accelerations(drive) == pytest.approx([0.75])
+    found = inspected(csv, tmp_path, "--imu-offset", "3")
+    assert found["inputs"][ACCELERATION]["ranges"]["acceleration"]["least"] == -2.5
+
+
+@pytest.mark.parametrize(
+    ("name", "option", "said"),
+    [
+        ("drive.csv", ["--imu-rotation", "0,0,180"], "--imu-rotation is for a bag or a comma2k19"),
+        ("drive.csv", ["--accel-topic", "/imu"], "--accel-topic is for a bag, and this is a CSV"),
+        ("drive.csv", ["--host-dbc", "car.dbc", *ON_CAN], "--host-dbc is for a bag or a CAN log"),
+        ("drive.log", ["--imu-rotation", "0,0,180"], "and this is a CAN log"),
+        ("drive.log", ["--radar-topic", "/radar"], "--radar-topic is for a bag"),
+        ("segment", ["--lead-acceleration-topic", "/x"], "and this is a comma2k19 segment"),
+    ],
+)
+def test_options_that_cannot_apply_are_refused(
+    name: str, option: list[str], said: str, tmp_path: Path, capsys
+) -> None:
+    (tmp_path / "segment" / "processed_log").mkdir(parents=True)
+    (tmp_path / "drive.log").write_text(candump(scan_frames(0.0, 0, {})))
+    (tmp_path / "drive.csv").write_text(ROWS)
+    arguments = [str(tmp_path / name), *option, "-o", str(tmp_path / "out.mcap")]
+    assert run_command(main_import, arguments) == 2
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1
 
@@ -460,6 +603,62 @@ def test_a_damaged_segment_is_named(data: Path, tmp_path: Path, capsys) -> None:
     assert "no log CAN/radar; there are: CAN/speed" in capsys.readouterr().err
 
 
+def small_segment(folder: Path, damage: tuple[str, str, Any] | None = None) -> Path:
+    """A lead at 30 m for one second; `damage` replaces an array by (log, file, what it holds)."""
+    time = np.arange(20) * 0.05
+    rows = [[30.0, 0.0, -1.0, np.nan, np.nan, 7.0, 0.0]] * 20
+    arrays: dict[tuple[str, str], Any] = {
+        ("CAN/radar", "value"): rows,
+        ("CAN/speed", "value"): [15.0] * 20,
+        ("IMU/accelerometer", "value"): [[0.5, 0.0, 9.81]] * 20,
+        ("IMU/gyro", "value"): [[0.0, 0.0, 0.0]] * 20,
+    }
+    arrays |= {(log, "t"): time for log, _ in arrays}
+    if damage is not None:
+        arrays[damage[:2]] = damage[2]
+    for (log, file), array in arrays.items():
+        (folder / "processed_log" / log).mkdir(parents=True, exist_ok=True)
+        with (folder / "processed_log" / log / file).open("wb") as out:
+            np.save(out, np.array(array))
+    return folder
+
+
+NO_TIME = [np.nan, *np.arange(1, 20) * 0.05]
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (("CAN/radar", "t", NO_TIME), "CAN/radar: time 1 is nan; s, finite and below 2147483648"),
+        (("CAN/speed", "t", [1e12] * 20), "CAN/speed: time 1 is 1000000000000.0"),
+        (("CAN/radar", "value", [30.0] * 20), "rows of at least 6 values are expected"),
+        (("IMU/accelerometer", "value", [0.5] * 20), "values of shape (20, 1); a row of times and"),
+        (("IMU/gyro", "value", [0.5] * 20), "IMU/gyro: times of shape (20,)"),
+        (("IMU/gyro", "t", 0.5), "IMU/gyro: times of shape ()"),
+        (("CAN/speed", "value", []), "CAN/speed: 20 times and 0 values"),
+        (("CAN/speed", "value", ["fast"] * 20), "CAN/speed: cannot be read as numpy arrays"),
+    ],
+)
+def test_a_segment_s_array_that_is_damaged_is_named(
+    damage: tuple[str, str, Any], said: str, tmp_path: Path, capsys
+) -> None:
+    segment = small_segment(tmp_path / "40", damage)
+    assert run_command(main_import, [str(segment), "-o", str(tmp_path / "out.mcap")]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+
+
+def test_a_segment_takes_what_is_not_finite_and_does_without_speed(tmp_path: Path) -> None:
+    odd = [[12.0, 0.0, -1.0, 0.0, 0.0, np.nan, 0.0]] + [[30.0, 0.0, -1.0, 0.0, 0.0, 7.0, 0.0]] * 19
+    segment = small_segment(tmp_path / "40", ("CAN/radar", "value", odd))
+    for file in ("t", "value"):
+        with (segment / "processed_log" / "CAN" / "speed" / file).open("wb") as out:
+            np.save(out, np.array([]))
+    drive = read_drive(segment)
+    assert drive.count(HOST_SPEED) == 0
+    assert {s.clearance for s in drive.samples if s.input == RADAR and s.has_target} == {30.0}
+
+
 def inspected(path: Path, tmp_path: Path, *options: str) -> dict:
     file = tmp_path / "inspected.json"
     assert run_command(main_inspect, [str(path), *options, "--json", str(file)]) == 0
@@ -523,6 +722,29 @@ def test_inspect_tells_gaps_and_clock_steps(tmp_path: Path) -> None:
     assert felt["gaps"] == 2 and felt["clock_steps"] == 1
     assert felt["longest_gap_s"] == pytest.approx(46.01, abs=0.02)
     assert felt["ranges"]["acceleration"]["not_finite"] == 400
+
+
+@pytest.mark.parametrize(
+    ("name", "option", "said"),
+    [
+        ("drive.csv", ["--map", "foo=bar"], "--map foo: no such column of a drive"),
+        ("drive.csv", ["--map", "range_m=dist"], "--map range_m=dist: column 'dist' is missing"),
+        ("drive.csv", ["--radar-topic", "/radar"], "--radar-topic is for a bag"),
+        ("bag", ["--radar-topic", "/rada"], "--radar-topic /rada: no such topic"),
+        ("bag", ["--accel-topic", "/esr/tracks"], "is delphi_esr_msgs/msg/EsrTrack; one of"),
+        ("bag", ["--map", "range_m=dist"], "--map is for a CSV drive"),
+        ("bag", ["--host-dbc", "no.dbc", *ON_CAN], "no.dbc: cannot be read as a DBC file"),
+    ],
+)
+def test_inspect_refuses_wrong_options(
+    name: str, option: list[str], said: str, tmp_path: Path, capsys
+) -> None:
+    car = Car("mcap")
+    car.write(tmp_path / "bag", esr_rows(car) + host_rows(car))
+    (tmp_path / "drive.csv").write_text(ROWS)
+    assert run_command(main_inspect, [str(tmp_path / name), *option]) == 2
+    printed = capsys.readouterr()
+    assert said in printed.err and printed.err.count("\n") == 1 and not printed.out
 
 
 @pytest.mark.parametrize("name", ["no.mcap", "broken.mcap", "text.txt"])

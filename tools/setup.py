@@ -21,7 +21,8 @@ ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
 PYTHON = VENV / "bin" / "python"
 WORKSPACE = ROOT / "ros2_ws"
-LOG = VENV / "setup.log"
+LOG = ROOT / "out" / "setup.log"
+"""Not in the environment, which is cleared by a step whose failure has to be told."""
 
 ROS_PREFIX = (
     os.environ.get("AMENT_PREFIX_PATH") if os.environ.get("ROS_DISTRO") == "jazzy" else None
@@ -60,7 +61,7 @@ def check_prerequisites() -> None:
 
 def run(step: str, remedy: str, command: list, **options) -> None:
     """Run one command with its output in the log; on failure show the end of it."""
-    VENV.mkdir(exist_ok=True)
+    LOG.parent.mkdir(exist_ok=True)
     with LOG.open("a") as log:
         log.write(f"$ {' '.join(map(str, command))}\n")
         log.flush()

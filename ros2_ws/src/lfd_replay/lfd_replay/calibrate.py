@@ -7,11 +7,13 @@ from math import floor
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
 from lfd_mpc.errors import UserError
+from lfd_mpc.settings import settings_error
 from lfd_replay.command_line import print_table, warn
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
@@ -42,7 +44,7 @@ LEAST_INDICES = 50
 def with_noise(settings: GraphSettings, drives: list[Drive]) -> GraphSettings:
     """Settings with the lead's distribution and the radar's deviations as in the drives.
 
-    Raises UserError where no lead is followed for long enough to tell.
+    Raises UserError where no lead is followed for long enough to tell, or as none can be.
     """
     lead = np.concatenate([lead_acceleration(drive) for drive in drives])
     if not len(lead):
@@ -56,11 +58,17 @@ def with_noise(settings: GraphSettings, drives: list[Drive]) -> GraphSettings:
         "clearance_std": round(clearance, 4),
         "relative_velocity_std": round(velocity, 4),
     }
-    return replace(
-        settings,
-        bank=_changed(settings.bank, motion),
-        diagnosis=_changed(settings.diagnosis, {**motion, **noise}),
-    )
+    try:
+        return replace(
+            settings,
+            bank=_changed(settings.bank, motion),
+            diagnosis=_changed(settings.diagnosis, {**motion, **noise}),
+        )
+    except ValidationError as error:
+        names = ", ".join(drive.name for drive in drives)
+        raise UserError(
+            f"calibrate: {names}: no figures of real driving: {settings_error(error)}"
+        ) from error
 
 
 def with_thresholds(

@@ -10,6 +10,9 @@ from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, RADAR, RadarSample, Sample
 from lfd_mpc.sampling import AHEAD_NS
 
+LATEST = 2**31
+"""Stamps are below so many s: a message's seconds are a signed number of 32 bits."""
+
 
 @dataclass(frozen=True)
 class Drive:

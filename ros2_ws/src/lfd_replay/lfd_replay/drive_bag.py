@@ -19,6 +19,7 @@ from rosbags.typesys.store import Typestore
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, LEAD_ACCELERATION, RADAR, RadarSample, Sample
 from lfd_replay.drive import Drive
+from lfd_replay.errors import WrongOption
 from lfd_replay.paths import share_folder
 from lfd_replay.recordings.can_log import HostSignals
 from lfd_replay.recordings.message_definitions import DEFINITIONS
@@ -26,6 +27,7 @@ from lfd_replay.recordings.recorded_messages import (
     CAN_FRAME,
     ESR_STATUS_4,
     ESR_TRACK,
+    HOST_FRAME,
     TYPES,
     MessageConverter,
     Mounting,
@@ -111,34 +113,53 @@ def read_bag_streams(
     streams: dict[str, list[Sample]] = {name: [] for name in TOPICS}
     with open_bag(path) as reader:
         wanted = vars(topics or Topics())
-        connections = []
-        for name in TOPICS:
-            connections += _choose(path, reader, name, wanted[name], host)
-        unique = list({c.id: c for c in connections}.values())
-        for connection, received, raw in reader.messages(connections=unique):
+        on_can = () if host is None else host.inputs
+        chosen = [
+            connection
+            for name in TOPICS
+            if name not in on_can
+            for connection in _choose(path, reader, name, wanted[name])
+        ]
+        # Last, so that frames that hold the radar as well are known for it.
+        kinds = {c.id: HOST_FRAME for c in _host_frames(path, reader, on_can)}
+        kinds |= {c.id: c.msgtype for c in chosen}
+        connections = [c for c in reader.connections if c.id in kinds]
+        for connection, received, raw in reader.messages(connections=connections):
             message = reader.deserialize(raw, connection.msgtype)
-            for sample in converter.push(connection.msgtype, message, received):
+            for sample in converter.push(kinds[connection.id], message, received):
                 streams[sample.input].append(sample)
     for sample in converter.flush():
         streams[sample.input].append(sample)
     return streams, [f"{count} {what}" for what, count in converter.counts.items() if count]
 
 
-def _choose(
-    path: Path, reader: AnyReader, name: str, topic: str | None, host: HostSignals | None
-) -> list[Any]:
+def _there(reader: AnyReader) -> str:
+    return ", ".join(sorted(f"{c.topic} ({c.msgtype})" for c in reader.connections)) or "no topics"
+
+
+def _host_frames(path: Path, reader: AnyReader, on_can: tuple[str, ...]) -> list[Any]:
+    """The connections that may carry host signals. Raises UserError where there is none."""
+    frames = [c for c in reader.connections if on_can and c.msgtype == CAN_FRAME]
+    if on_can and not frames:
+        raise WrongOption(
+            f"{path}: --host-dbc: no topic of type {CAN_FRAME}; there are: {_there(reader)}"
+        )
+    return frames
+
+
+def _choose(path: Path, reader: AnyReader, name: str, topic: str | None) -> list[Any]:
     """The connections that carry one input: those of a topic, or found by type.
 
     Raises UserError where there is none, or more than one that could be meant.
     """
-    there = ", ".join(sorted(f"{c.topic} ({c.msgtype})" for c in reader.connections)) or "no topics"
+    there = _there(reader)
     option = OPTIONS[name]
     if topic is not None:
         chosen = [c for c in reader.connections if c.topic == topic]
         if not chosen:
-            raise UserError(f"{path}: {option} {topic}: no such topic; there are: {there}")
+            raise WrongOption(f"{path}: {option} {topic}: no such topic; there are: {there}")
         if chosen[0].msgtype not in TYPES[name]:
-            raise UserError(
+            raise WrongOption(
                 f"{path}: {option} {topic}: is {chosen[0].msgtype}; one of "
                 f"{', '.join(TYPES[name])} is expected"
             )
@@ -158,8 +179,7 @@ def _choose(
             )
         if found:
             return _with_status(reader, found)
-    on_can = host is not None and any(c.msgtype == CAN_FRAME for c in reader.connections)
-    if name in (HOST_SPEED, LEAD_ACCELERATION) or on_can:
+    if name in (HOST_SPEED, LEAD_ACCELERATION):
         return []
     raise UserError(
         f"{path}: no topic of type {TYPES[name][0]} for {TOPICS[name][0]}; there are: {there}"

@@ -16,6 +16,8 @@ from lfd_mpc.samples import (
     Sample,
     ScalarSample,
 )
+from lfd_replay.drive import LATEST
+from lfd_replay.errors import WrongOption
 
 COLUMNS = ("t_s", "range_m", "range_rate_mps", "host_speed_mps", "host_accel_mps2")
 """Columns of a drive; units are in the names. `track_id` and `lead_accel_mps2` are optional."""
@@ -23,6 +25,13 @@ COLUMNS = ("t_s", "range_m", "range_rate_mps", "host_speed_mps", "host_accel_mps
 RANGE, RANGE_RATE, SPEED, ACCEL = COLUMNS[1:]
 TRACK, LEAD_ACCEL = "track_id", "lead_accel_mps2"
 SCALARS = {SPEED: HOST_SPEED, ACCEL: ACCELERATION, LEAD_ACCEL: LEAD_ACCELERATION}
+
+LONGEST_TEXT = 40
+"""Characters of the file's own text that a message repeats: a quoted cell may be a whole file."""
+
+
+def _clipped(text: str) -> str:
+    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 3] + "..."
 
 
 class Table:
@@ -44,13 +53,26 @@ class Table:
             ) from error
         if "\0" in text:
             raise UserError(f"{path}: cannot be read (not a text file); a CSV drive is expected")
-        rows = list(csv.reader(text.splitlines()))
+        rows: list[list[str]] = []
+        try:
+            # Strictly: a quote that is left open would swallow the rows after it unseen.
+            rows.extend(csv.reader(text.splitlines(), strict=True))
+        except csv.Error as error:
+            raise UserError(
+                f"{path}: line {len(rows) + 1}: cannot be read as CSV ({error}); cells whose "
+                "quotes are closed are expected"
+            ) from error
         if len(rows) < 2:
             raise UserError(f"{path}: is empty; a header and at least one row are expected")
         self.header = [name.strip() for name in rows[0]]
         self._rows = rows[1:]
         if text and not text.endswith("\n") and len(self._rows[-1]) < len(self.header):
             raise UserError(f"{path}: is cut off in its last row; a whole file is expected")
+
+    @property
+    def there(self) -> str:
+        """The columns that the file has, in words."""
+        return ", ".join(map(_clipped, self.header))
 
     def has(self, column: str) -> bool:
         """Whether the file has that column, under its own name or a mapped one."""
@@ -60,9 +82,7 @@ class Table:
         """Numbers of one column, None for a blank. Raises UserError for anything else."""
         own = self._mapping.get(column, column)
         if own not in self.header:
-            raise UserError(
-                f"{self.path}: column '{own}' is missing; there are: {', '.join(self.header)}"
-            )
+            raise UserError(f"{self.path}: column '{own}' is missing; there are: {self.there}")
         position = self.header.index(own)
         for line, row in enumerate(self._rows, start=2):
             text = row[position].strip() if position < len(row) else ""
@@ -73,7 +93,7 @@ class Table:
                 yield float(text)
             except ValueError:
                 raise UserError(
-                    f"{self.path}: line {line}, column '{own}': '{text}' is not a number"
+                    f"{self.path}: line {line}, column '{own}': '{_clipped(text)}' is not a number"
                 ) from None
 
     def stamps(self) -> list[int]:
@@ -82,7 +102,7 @@ class Table:
         for line, seconds in enumerate(self.column("t_s"), start=2):
             if seconds is None or not isfinite(seconds):
                 raise UserError(f"{self.path}: line {line}: the time is missing or not finite")
-            stamp = round(seconds * 1e9)
+            stamp = self._nanoseconds(line, seconds)
             if stamp < 0:
                 raise UserError(f"{self.path}: line {line}: the time {seconds} s is negative")
             if stamps and stamp < stamps[-1]:
@@ -96,9 +116,34 @@ class Table:
     def times(self) -> list[int | None]:
         """Stamps in ns as they stand, in whatever order; None = missing or not finite."""
         return [
-            None if seconds is None or not isfinite(seconds) else round(seconds * 1e9)
-            for seconds in self.column("t_s")
+            None if seconds is None or not isfinite(seconds) else self._nanoseconds(line, seconds)
+            for line, seconds in enumerate(self.column("t_s"), start=2)
         ]
+
+    def _nanoseconds(self, line: int, seconds: float) -> int:
+        if not abs(seconds) < LATEST:
+            raise UserError(
+                f"{self.path}: line {line}: the time {seconds:g} s is out of range; t_s is in "
+                f"seconds, below {LATEST}"
+            )
+        return round(seconds * 1e9)
+
+    def tracks(self) -> list[int]:
+        """Track ids; UNKNOWN_TRACK where there is none. Raises UserError for no whole number."""
+        if not self.has(TRACK):
+            return [UNKNOWN_TRACK] * len(self._rows)
+        tracks: list[int] = []
+        for line, track in enumerate(self.column(TRACK), start=2):
+            if track is None or not isfinite(track):
+                tracks.append(UNKNOWN_TRACK)
+            elif track.is_integer() and -(2**63) <= track < 2**63:
+                tracks.append(int(track))
+            else:
+                raise UserError(
+                    f"{self.path}: line {line}, column '{self._mapping.get(TRACK, TRACK)}': "
+                    f"{track:g} is no track id; a whole number of 64 bits is expected"
+                )
+        return tracks
 
 
 def scalar_stream(table: Table, column: str, name: str) -> list[Sample]:
@@ -112,26 +157,26 @@ def scalar_stream(table: Table, column: str, name: str) -> list[Sample]:
 
 def radar_stream(table: Table) -> list[Sample]:
     """The radar's scans; a blank range = the radar sees no target."""
-    count = len(table.stamps())
-    tracks = table.column(TRACK) if table.has(TRACK) else iter([None] * count)
     return [
         _scan(stamp, clearance, velocity, track)
         for stamp, clearance, velocity, track in zip(
-            table.stamps(), table.column(RANGE), table.column(RANGE_RATE), tracks, strict=True
+            table.stamps(),
+            table.column(RANGE),
+            table.column(RANGE_RATE),
+            table.tracks(),
+            strict=True,
         )
     ]
 
 
-def _scan(
-    stamp: int, clearance: float | None, velocity: float | None, track: float | None
-) -> Sample:
+def _scan(stamp: int, clearance: float | None, velocity: float | None, track: int) -> Sample:
     """One row as a scan."""
     return RadarSample(
         stamp=stamp,
         has_target=clearance is not None,
         clearance=nan if clearance is None else clearance,
         relative_velocity=nan if clearance is None or velocity is None else velocity,
-        track_id=int(track) if track is not None and isfinite(track) else UNKNOWN_TRACK,
+        track_id=track,
     )
 
 
@@ -143,11 +188,16 @@ def read_csv_streams(
     Raises UserError for a missing column, text that is no number or decreasing time.
     """
     table = Table(path, mapping)
-    for name in mapping:
+    for name, column in mapping.items():
         if name not in (*COLUMNS, TRACK, LEAD_ACCEL):
-            raise UserError(
+            raise WrongOption(
                 f"--map {name}: no such column of a drive; "
                 f"there are: {', '.join((*COLUMNS, TRACK, LEAD_ACCEL))}"
+            )
+        if not table.has(name):
+            raise WrongOption(
+                f"{path}: --map {name}={column}: column '{column}' is missing; "
+                f"there are: {table.there}"
             )
     missing = [
         mapping.get(column, column)
@@ -155,9 +205,7 @@ def read_csv_streams(
         if column not in replaced and not table.has(column)
     ]
     if missing:
-        raise UserError(
-            f"{path}: column '{missing[0]}' is missing; there are: {', '.join(table.header)}"
-        )
+        raise UserError(f"{path}: column '{missing[0]}' is missing; there are: {table.there}")
     streams = {RADAR: radar_stream(table)}
     for column, name in SCALARS.items():
         if column not in replaced and (column in COLUMNS or table.has(column)):
@@ -174,16 +222,16 @@ def read_csv_as_it_is(path: Path, mapping: dict[str, str]) -> dict[str, list[Sam
     times = table.times()
     columns = {
         name: list(table.column(name)) if table.has(name) else [None] * len(times)
-        for name in (*COLUMNS[1:], TRACK, LEAD_ACCEL)
+        for name in (*COLUMNS[1:], LEAD_ACCEL)
     }
+    tracks = table.tracks()
     streams: dict[str, list[Sample]] = {RADAR: [], **{name: [] for name in SCALARS.values()}}
     for row, stamp in enumerate(times):
         if stamp is None:
             continue
         clearance, velocity = columns[RANGE][row], columns[RANGE_RATE][row]
-        track = columns[TRACK][row]
         if table.has(RANGE):
-            streams[RADAR].append(_scan(stamp, clearance, velocity, track))
+            streams[RADAR].append(_scan(stamp, clearance, velocity, tracks[row]))
         for column, name in SCALARS.items():
             value = columns[column][row]
             if value is not None:

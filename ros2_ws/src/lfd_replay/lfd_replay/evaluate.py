@@ -27,12 +27,7 @@ from lfd_replay.read_drive import (
     read_options,
 )
 from lfd_replay.recorded_step import RecordedStep
-from lfd_replay.score import (
-    Timeline,
-    row_timeline,
-    score,
-    timeline,
-)
+from lfd_replay.score import Timeline, row_timeline, score
 from lfd_replay.text_file import write_text
 
 
@@ -49,12 +44,23 @@ class Question:
 
 def evaluate_drive(path: Path, question: Question) -> tuple[Drive, dict]:
     """The drive and the contract's figures. Raises UserError for what is no drive."""
-    started = time.perf_counter()
     with without_collector():
+        began = time.perf_counter()
         drive = read_drive(path, question.reading)
+        reading = time.perf_counter() - began
+        # Not before it is known that there is a drive: after a change this takes a minute.
+        _fetch_compiled(question.settings)
+        began = time.perf_counter()
         graph = OfflineGraph(question.settings)
         line = row_timeline(graph.rows(_with_faults(drive, question)), drive.zero)
-    return drive, _figures(path, drive, question, line, time.perf_counter() - started)
+        elapsed = reading + time.perf_counter() - began
+    return drive, _figures(path, drive, question, line, elapsed)
+
+
+def _fetch_compiled(settings: GraphSettings) -> None:
+    """What is compiled is fetched from disk, or compiled, when it is called first: untimed."""
+    for _ in OfflineGraph(settings).rows(()):
+        pass
 
 
 def _with_faults(drive: Drive, question: Question) -> Sequence[Sample]:
@@ -77,19 +83,16 @@ def _figures(path: Path, drive: Drive, question: Question, line: Timeline, elaps
 
 
 def _report_drive(path: Path, question: Question, folder: Path) -> tuple[Drive, dict]:
-    """The same step by step, since the page shows what was said at each of them."""
-    started = time.perf_counter()
-    drive = read_drive(path, question.reading)
+    """The same, and once more step by step: the page shows what was said at each of them."""
+    drive, result = evaluate_drive(path, question)
     graph = OfflineGraph(question.settings)
     samples = _with_faults(drive, question)
     console = Console(stderr=True)
-    shown = track(samples, "evaluating", console=console, disable=not console.is_terminal)
+    shown = track(samples, "drawing", console=console, disable=not console.is_terminal)
     steps = [step for sample in shown for step in graph.push(sample)]
     # plotly is loaded when there is something to draw: other commands use this module, too.
     from lfd_replay.report import write_report
 
-    line = timeline((step.outcome.report for step in steps), drive.zero)
-    result = _figures(path, drive, question, line, time.perf_counter() - started)
     recorded = [RecordedStep(step.horizon, step.bank, step.outcome.report) for step in steps]
     write_report(folder, drive.name, recorded, drive.zero, question.faults, result["sensors"])
     return drive, result

@@ -5,6 +5,7 @@ import json
 import os
 import sys
 import tempfile
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from rich.table import Table
 from lfd_diagnosis.verdict import SIGNALS
 from lfd_mpc.errors import UserError
 from lfd_replay.command_line import counting_progress
+from lfd_replay.errors import refusal
 from lfd_replay.journal import Journal, Task, run_tasks, workers
 from lfd_replay.read_drive import is_drive
 from lfd_replay.text_file import write_text
@@ -44,8 +46,14 @@ def attempt(evaluate: Callable, path: Path, question: object) -> dict:
     """The figures of one drive, or why there are none: one bad drive does not stop the rest."""
     try:
         drive, result = evaluate(path, question)
-    except UserError as error:
-        return {"drive": str(path), "error": str(error)}
+    except Exception as error:
+        said = refusal(error)
+        if said is None:
+            # Our mistake rather than the drive's: shown as one, and no reason to lose the others.
+            traceback.print_exc()
+            detail = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+            said = f"{path}: failed unexpectedly ({detail})"
+        return {"drive": str(path), "error": said}
     return {**result, "warnings": list(drive.warnings)}
 
 

@@ -9,21 +9,15 @@ from lfd_mpc.samples import ACCELERATION, HOST_SPEED, INPUTS
 from lfd_replay.command_line import warn
 from lfd_replay.drive import Drive, make_drive
 from lfd_replay.drive_bag import write_drive
-from lfd_replay.drive_csv import ACCEL, SPEED, Table, read_csv_streams, scalar_stream
+from lfd_replay.drive_csv import ACCEL, SPEED, Table, scalar_stream
 from lfd_replay.errors import run_command
 from lfd_replay.read_drive import (
     ReadOptions,
     add_read_options,
+    read_as_recorded,
     read_options,
-    read_streams,
     without_offset,
 )
-
-
-def _existing(path: Path) -> Path:
-    if not path.is_file():
-        raise UserError(f"{path}: no such file")
-    return path
 
 
 def extra_column(text: str, usual: str) -> tuple[Table, str]:
@@ -35,14 +29,12 @@ def extra_column(text: str, usual: str) -> tuple[Table, str]:
     if not path.is_file() and ":" in text:
         head, _, column = text.rpartition(":")
         path = Path(head)
-    header = Table(_existing(path), {}).header
+    table = Table(path, {})
     if not column:
-        others = [name for name in header if name != "t_s"]
-        column = usual if usual in header else others[0] if len(others) == 1 else ""
+        others = [name for name in table.header if name != "t_s"]
+        column = usual if usual in table.header else others[0] if len(others) == 1 else ""
     if not column:
-        raise UserError(
-            f"{path}: which column? name it as {path}:COLUMN; there are: {', '.join(header)}"
-        )
+        raise UserError(f"{path}: which column? name it as {path}:COLUMN; there are: {table.there}")
     return Table(path, {usual: column}), usual
 
 
@@ -56,18 +48,12 @@ def join_drive(
     options = options or ReadOptions()
     given = {ACCEL: (accel, ACCELERATION), SPEED: (speed, HOST_SPEED)}
     replaced = frozenset(column for column, (text, _) in given.items() if text)
-    remarks: list[str] = []
-    if recording.suffix == ".csv":
-        streams = read_csv_streams(_existing(recording), options.mapping, replaced)
-    else:
-        streams, remarks = read_streams(recording, replace(options, standstill=False))
+    streams, remarks = read_as_recorded(recording, options, replaced)
     for column, (text, name) in given.items():
         if text:
             table, usual = extra_column(text, column)
             streams[name] = scalar_stream(table, usual, name)
-    if options.standstill:
-        streams = without_offset(recording, streams)
-    drive = make_drive(str(recording), streams)
+    drive = make_drive(str(recording), without_offset(recording, streams, options))
     return replace(drive, warnings=(*remarks, *drive.warnings))
 
 

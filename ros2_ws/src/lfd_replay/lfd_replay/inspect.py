@@ -10,9 +10,9 @@ from rich.table import Table
 from lfd_mpc.errors import UserError
 from lfd_replay.command_line import print_table
 from lfd_replay.drive_csv import read_csv_as_it_is
-from lfd_replay.errors import run_command
+from lfd_replay.errors import WrongOption, run_command
 from lfd_replay.inspection import bag_topics, inspect_streams, remarks
-from lfd_replay.read_drive import add_read_options, read_options, read_streams
+from lfd_replay.read_drive import add_read_options, read_options, read_streams, without_offset
 from lfd_replay.text_file import write_text
 
 
@@ -58,11 +58,14 @@ def main_inspect(arguments: list[str]) -> int:
     problem = ""
     try:
         streams, damage = read_streams(options.drive, reading)
+    except WrongOption:
+        raise
     except UserError as error:
         # It can be read, but is no drive: what the graph needs is not there or must be chosen.
         damage, problem = [], str(error).removeprefix(f"{options.drive}: ")
         if options.drive.suffix == ".csv" and options.drive.is_file():
             streams = read_csv_as_it_is(options.drive, reading.mapping)
+            streams = without_offset(options.drive, streams, reading)
         elif topics:
             streams = {}
         else:

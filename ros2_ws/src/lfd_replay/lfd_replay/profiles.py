@@ -40,6 +40,9 @@ NODES: dict[str, type[Settings]] = {
 }
 """The settings of each node of the graph, by node name."""
 
+OTHER_NODES = ("vehicle_node", "radar_adapter", "host_adapter", "fault_injector", "bag_player")
+"""What a parameter file may speak of as well: a graph has no use for it."""
+
 
 def graph_settings(profile: str, file: Path | None = None) -> GraphSettings:
     """Settings of a profile, changed by a ROS parameter file.
@@ -59,7 +62,11 @@ def graph_settings(profile: str, file: Path | None = None) -> GraphSettings:
 
 
 def read_parameter_file(file: Path) -> dict[str, dict]:
-    """Parameters by node name; `/**` keys hold for every node that knows them."""
+    """Parameters by node name; `/**` and `/*` hold for every node that knows them.
+
+    A node's name may have a namespace before it, as `/car/mpc_node` or `/**/mpc_node`.
+    Raises UserError for an unreadable file and for unknown nodes or parameters.
+    """
     try:
         content = yaml.safe_load(file.read_text())
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
@@ -75,7 +82,7 @@ def read_parameter_file(file: Path) -> dict[str, dict]:
         if not isinstance(section, dict) or not isinstance(section.get("ros__parameters"), dict):
             raise UserError(f"{file}: '{key}' has no ros__parameters")
         parameters = section["ros__parameters"]
-        if node == "**":
+        if node in ("**", "*"):
             for name, value in parameters.items():
                 owners = [n for n, kind in NODES.items() if name in kind.model_fields]
                 if not owners and name != "use_sim_time":
@@ -85,6 +92,9 @@ def read_parameter_file(file: Path) -> dict[str, dict]:
         elif node in values:
             own = {str(k): v for k, v in parameters.items() if k != "use_sim_time"}
             values[node].update(own)
+        elif node not in OTHER_NODES:
+            there = ", ".join((*NODES, *OTHER_NODES))
+            raise UserError(f"{file}: unknown node '{key}'; there are: /**, {there}")
     return values
 
 

@@ -9,6 +9,7 @@ import importlib
 import queue
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from lfd_mpc.node_process import run_node
 from lfd_mpc.node_support import PIPELINE_QOS, declare_settings
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR
 from lfd_replay.adapter_settings import RadarAdapterSettings
-from lfd_replay.recordings.can_log import CanDrive, HostSignals
+from lfd_replay.recordings.can_log import HostSignals
 from lfd_replay.recordings.recorded_messages import (
     CAN_FRAME,
     ESR_STATUS_4,
@@ -43,8 +44,14 @@ SOURCES = {
 }
 """Topics and message types of each source."""
 
+ON_CAN = ("can_frames", "can_bus")
+"""Sources that may carry host signals."""
+
 BUS_POLL = 0.005
 """Seconds between looks at what the bus has received."""
+
+BUS_RETRY = 0.5
+"""Seconds after which a bus that could not be read is tried again."""
 
 
 def message_class(message_type: str) -> Any:
@@ -59,6 +66,21 @@ def message_class(message_type: str) -> Any:
         ) from error
 
 
+def _host_signals(settings: RadarAdapterSettings) -> HostSignals | None:
+    """What is to be taken from CAN. Raises UserError where that would never come."""
+    speed, acceleration = settings.speed_signal or None, settings.accel_signal or None
+    if not (settings.host_dbc or speed or acceleration):
+        return None
+    if not settings.host_dbc or not (speed or acceleration):
+        raise UserError("radar_adapter: host_dbc goes with speed_signal, accel_signal or both")
+    if settings.source not in ON_CAN:
+        raise UserError(
+            f"radar_adapter: host_dbc {settings.host_dbc}: source {settings.source} has no CAN "
+            f"frames; with host_dbc source must be one of: {', '.join(ON_CAN)}"
+        )
+    return HostSignals(Path(settings.host_dbc), speed, acceleration)
+
+
 class RadarAdapterNode(Node):
     """Tracks in, the lead out."""
 
@@ -66,20 +88,10 @@ class RadarAdapterNode(Node):
         """Raises UserError for parameters, packages, files or a bus that cannot work."""
         super().__init__("radar_adapter", context=context, **node_options)
         settings = declare_settings(self, RadarAdapterSettings)
-        host = None
-        if settings.host_dbc:
-            host = HostSignals(
-                Path(settings.host_dbc),
-                settings.speed_signal or None,
-                settings.accel_signal or None,
-            )
+        host = _host_signals(settings)
         self._converter = MessageConverter(host=host)
-        given = [RADAR]
-        if host is not None and host.speed:
-            given.append(HOST_SPEED)
-        if host is not None and host.acceleration:
-            given.append(ACCELERATION)
-        self._outputs = SamplePublishers(self, PIPELINE_QOS, tuple(given))
+        given = (RADAR, *(() if host is None else host.inputs))
+        self._outputs = SamplePublishers(self, PIPELINE_QOS, given)
         for topic, message_type in SOURCES[settings.source].items():
             self.create_subscription(
                 message_class(message_type),
@@ -93,10 +105,10 @@ class RadarAdapterNode(Node):
             self._listen(TwistStamped, "vehicle/twist", "geometry_msgs/msg/TwistStamped")
         if ACCELERATION not in given:
             self._listen(Imu, "vehicle/imu", "sensor_msgs/msg/Imu")
+        self._told = 0
         self._bus: can.BusABC | None = None
         if settings.source == "can_bus":
-            self._open_bus(settings, host)
-        self._told = 0
+            self._open_bus(settings)
 
     def _listen(self, kind: Any, topic: str, message_type: str) -> None:
         """Host signals tell the converter how the car moves; they are not passed on."""
@@ -113,7 +125,7 @@ class RadarAdapterNode(Node):
             self._outputs.publish(sample)
         self._tell_damage()
 
-    def _open_bus(self, settings: RadarAdapterSettings, host: HostSignals | None) -> None:
+    def _open_bus(self, settings: RadarAdapterSettings) -> None:
         try:
             self._bus = can.Bus(channel=settings.can_channel, interface=settings.can_interface)
         except (can.CanError, OSError, ValueError, ImportError) as error:
@@ -122,7 +134,7 @@ class RadarAdapterNode(Node):
                 f"radar_adapter: CAN channel '{settings.can_channel}' of interface "
                 f"'{settings.can_interface}' cannot be opened ({detail})"
             ) from error
-        self._can = CanDrive(host)
+        self._channel = settings.can_channel
         self._received: queue.SimpleQueue[tuple[int, can.Message]] = queue.SimpleQueue()
         self._reader = threading.Thread(target=self._read_bus, daemon=True)
         self._reader.start()
@@ -131,7 +143,16 @@ class RadarAdapterNode(Node):
     def _read_bus(self) -> None:
         bus = self._bus
         while bus is not None and self._bus is bus:
-            message = bus.recv(timeout=0.2)
+            try:
+                message = bus.recv(timeout=0.2)
+            except (can.CanError, OSError) as error:
+                # An interface that goes down may come up again.
+                self.get_logger().error(
+                    f"CAN channel '{self._channel}' cannot be read ({error}); trying again",
+                    throttle_duration_sec=10.0,
+                )
+                time.sleep(BUS_RETRY)
+                continue
             if message is not None:
                 # The node's clock, so that the stamps fit those of the other inputs.
                 self._received.put((self.get_clock().now().nanoseconds, message))
@@ -141,8 +162,10 @@ class RadarAdapterNode(Node):
             stamp, message = self._received.get()
             if message.is_error_frame or message.is_remote_frame:
                 continue
-            for sample in self._can.push((stamp, message.arbitration_id, bytes(message.data))):
+            frame = stamp, message.arbitration_id, bytes(message.data)
+            for sample in self._converter.push_frame(frame):
                 self._outputs.publish(sample)
+        self._tell_damage()
 
     def _tell_damage(self) -> None:
         damaged = sum(self._converter.counts.values())

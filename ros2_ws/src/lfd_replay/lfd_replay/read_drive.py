@@ -14,12 +14,25 @@ from lfd_mpc.samples import ACCELERATION, HOST_SPEED, Sample, ScalarSample
 from lfd_replay.drive import Drive, make_drive
 from lfd_replay.drive_bag import OPTIONS, Topics, read_bag_streams
 from lfd_replay.drive_csv import read_csv_streams
+from lfd_replay.errors import WrongOption
 from lfd_replay.recordings.can_log import SUFFIXES as CAN_SUFFIXES
 from lfd_replay.recordings.can_log import HostSignals, read_can_streams
 from lfd_replay.recordings.comma2k19 import is_segment, read_segment_streams
 from lfd_replay.recordings.recorded_messages import Mounting
 
 BAG_SUFFIXES = (".mcap", ".db3", ".bag")
+
+KINDS = BAG, SEGMENT, CAN_LOG, CSV = "a bag", "a comma2k19 segment", "a CAN log", "a CSV drive"
+"""Kinds of recordings, in words."""
+
+MEANT_FOR = {
+    "--map": (CSV,),
+    # The others hold one axis of the car.
+    "--imu-rotation": (BAG, SEGMENT),
+    "--host-dbc": (BAG, CAN_LOG),
+    **dict.fromkeys(OPTIONS.values(), (BAG,)),
+}
+"""The kinds that an option can apply to."""
 
 STANDSTILL = "standstill"
 STANDING = 0.05
@@ -78,6 +91,14 @@ def read_options(options: argparse.Namespace) -> ReadOptions:
     signals = (options.speed_signal, options.accel_signal)
     if options.host_dbc is None and any(signals):
         raise UserError("--speed-signal and --accel-signal need --host-dbc FILE")
+    if options.host_dbc is not None and not any(signals):
+        raise UserError("--host-dbc needs --speed-signal NAME, --accel-signal NAME or both")
+    for what, topic, signal in (
+        ("speed", options.speed_topic, options.speed_signal),
+        ("accel", options.accel_topic, options.accel_signal),
+    ):
+        if topic and signal:
+            raise UserError(f"--{what}-topic {topic} and --{what}-signal {signal}: give one")
     return ReadOptions(
         mapping=parse_mapping(options.map),
         topics=Topics(
@@ -110,45 +131,86 @@ def is_drive(path: Path) -> bool:
     return path.suffix in (*BAG_SUFFIXES, *CAN_SUFFIXES, ".csv")
 
 
+def _kind(path: Path) -> str:
+    """What a path holds: one of `KINDS`. Raises UserError for anything else."""
+    if not path.exists():
+        raise UserError(f"{path}: no such file{_neighbours(path)}")
+    if path.suffix in BAG_SUFFIXES or (path / "metadata.yaml").is_file():
+        return BAG
+    if path.is_dir() and is_segment(path):
+        return SEGMENT
+    if path.is_dir():
+        raise UserError(
+            f"{path}: is a folder without metadata.yaml or processed_log; a bag folder or a "
+            "comma2k19 segment is expected"
+        )
+    if path.suffix in CAN_SUFFIXES:
+        return CAN_LOG
+    if path.suffix == ".csv":
+        return CSV
+    raise UserError(
+        f"{path}: is no drive; a .csv file, a bag folder, a CAN log "
+        f"({', '.join(CAN_SUFFIXES)}) or one of {', '.join(BAG_SUFFIXES)} is expected"
+    )
+
+
+def _refuse_what_cannot_apply(path: Path, kind: str, options: ReadOptions) -> None:
+    given = {
+        "--map": options.mapping,
+        "--imu-rotation": any(options.mounting.rotation),
+        "--host-dbc": options.host,
+        **{option: vars(options.topics)[name] for name, option in OPTIONS.items()},
+    }
+    for option, value in given.items():
+        if value and kind not in MEANT_FOR[option]:
+            meant = " or ".join(MEANT_FOR[option])
+            raise WrongOption(f"{path}: {option} is for {meant}, and this is {kind}")
+
+
 def read_streams(
     path: Path, options: ReadOptions | None = None
 ) -> tuple[dict[str, list[Sample]], list[str]]:
     """The streams of a recording, and what is to be said of it. Raises UserError."""
     options = options or ReadOptions()
-    if not path.exists():
-        raise UserError(f"{path}: no such file{_neighbours(path)}")
-    bag = path.suffix in BAG_SUFFIXES or (path / "metadata.yaml").is_file()
-    segment = path.is_dir() and not bag and is_segment(path)
-    if options.mapping and path.suffix != ".csv":
-        raise UserError(f"{path}: --map names columns of a CSV drive, and this is none")
-    remarks: list[str] = []
-    if bag:
-        streams, remarks = read_bag_streams(path, options.topics, options.mounting, options.host)
-    elif segment:
-        streams = read_segment_streams(path, options.mounting)
-    elif path.is_dir():
-        raise UserError(
-            f"{path}: is a folder without metadata.yaml or processed_log; a bag folder or a "
-            "comma2k19 segment is expected"
-        )
-    elif path.suffix in CAN_SUFFIXES:
-        streams, remarks = read_can_streams(path, options.host)
-    elif path.suffix == ".csv":
-        streams = read_csv_streams(path, options.mapping)
-    else:
-        raise UserError(
-            f"{path}: is no drive; a .csv file, a bag folder, a CAN log "
-            f"({', '.join(CAN_SUFFIXES)}) or one of {', '.join(BAG_SUFFIXES)} is expected"
-        )
-    if options.standstill:
-        streams = without_offset(path, streams)
-    return streams, remarks
+    streams, remarks = read_as_recorded(path, options)
+    return without_offset(path, streams, options), remarks
 
 
-def without_offset(path: Path, streams: dict[str, list[Sample]]) -> dict[str, list[Sample]]:
-    """Streams whose acceleration is zero at standstill. Raises UserError without standstill."""
-    speed = [s for s in streams.get(HOST_SPEED, ()) if isinstance(s, ScalarSample)]
+def read_as_recorded(
+    path: Path, options: ReadOptions, replaced: frozenset[str] = frozenset()
+) -> tuple[dict[str, list[Sample]], list[str]]:
+    """The same with the accelerometer's offset; columns of a CSV in `replaced` are not read."""
+    kind = _kind(path)
+    _refuse_what_cannot_apply(path, kind, options)
+    # What has been replaced has an offset, too: it is taken off afterwards, for all kinds alike.
+    mounting = replace(options.mounting, offset=0.0)
+    if kind == BAG:
+        return read_bag_streams(path, options.topics, mounting, options.host)
+    if kind == SEGMENT:
+        return read_segment_streams(path, mounting), []
+    if kind == CAN_LOG:
+        return read_can_streams(path, options.host)
+    return read_csv_streams(path, options.mapping, replaced), []
+
+
+def without_offset(
+    path: Path, streams: dict[str, list[Sample]], options: ReadOptions
+) -> dict[str, list[Sample]]:
+    """Streams less the accelerometer's offset. Raises UserError where no standstill tells it."""
     felt = [s for s in streams[ACCELERATION] if isinstance(s, ScalarSample)]
+    offset = options.mounting.offset
+    if options.standstill:
+        offset = _felt_at_standstill(path, felt, streams.get(HOST_SPEED, []))
+    if not offset:
+        return streams
+    level = [ScalarSample(ACCELERATION, s.stamp, s.value - offset) for s in felt]
+    return {**streams, ACCELERATION: [*level]}
+
+
+def _felt_at_standstill(path: Path, felt: list[ScalarSample], driven: list[Sample]) -> float:
+    """Median of the accelerations in m/s^2 while the host stands."""
+    speed = [s for s in driven if isinstance(s, ScalarSample)]
+    felt = [s for s in felt if isfinite(s.value)]
     times = np.array([s.stamp for s in speed], dtype=float)
     standing = (
         np.interp([s.stamp for s in felt], times, [abs(s.value) for s in speed]) < STANDING
@@ -156,13 +218,11 @@ def without_offset(path: Path, streams: dict[str, list[Sample]]) -> dict[str, li
         else np.zeros(len(felt), dtype=bool)
     )
     if standing.sum() < STANDING_SAMPLES:
-        raise UserError(
+        raise WrongOption(
             f"{path}: --imu-offset {STANDSTILL}: the car stands for {standing.sum()} accelerations "
             f"only, {STANDING_SAMPLES} are needed; give the offset in m/s^2"
         )
-    offset = float(np.median([s.value for s, still in zip(felt, standing, strict=True) if still]))
-    changed: list[Sample] = [replace(s, value=s.value - offset) for s in felt]
-    return {**streams, ACCELERATION: changed}
+    return float(np.median([s.value for s, still in zip(felt, standing, strict=True) if still]))
 
 
 def read_drive(path: Path, options: ReadOptions | None = None) -> Drive:

@@ -11,8 +11,10 @@ from rich.progress import Progress
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, Sample, ScalarSample
+from lfd_replay.drive import LATEST
+from lfd_replay.errors import WrongOption
 from lfd_replay.recordings.esr import EsrDecoder, Scan, select_lead
-from lfd_replay.recordings.lead_selection import LeadSelector
+from lfd_replay.recordings.lead_selection import HostMotion, LeadSelector
 
 if TYPE_CHECKING:
     import can
@@ -37,6 +39,12 @@ class HostSignals:
     speed: str | None
     acceleration: str | None
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The inputs that are on CAN."""
+        named = {HOST_SPEED: self.speed, ACCELERATION: self.acceleration}
+        return tuple(name for name, signal in named.items() if signal)
+
 
 class _Signal:
     """One signal of the car's own CAN."""
@@ -54,11 +62,11 @@ class _Signal:
                 sorted(f"{m.name}.{s.name}" for m in database.messages for s in m.signals)[:20]
             )
             what = "no such signal" if not found else "more than one, name it as MESSAGE.SIGNAL"
-            raise UserError(f"{file}: {name}: {what}; there are: {there}")
+            raise WrongOption(f"{file}: {name}: {what}; there are: {there}")
         self.message, signal = found[0]
         unit = (signal.unit or "").strip().lower()
         if unit and unit not in UNITS:
-            raise UserError(
+            raise WrongOption(
                 f"{file}: {name}: unit '{signal.unit}' is not understood; known: {', '.join(UNITS)}"
             )
         self.name, self.input = signal.name, input_name
@@ -83,7 +91,7 @@ def _host_signals(host: HostSignals) -> dict[int, list[_Signal]]:
         database = cantools.database.load_file(host.dbc)
     except (OSError, ValueError, cantools.Error) as error:
         detail = " ".join(str(error).split())[:200]
-        raise UserError(f"{host.dbc}: cannot be read as a DBC file ({detail})") from error
+        raise WrongOption(f"{host.dbc}: cannot be read as a DBC file ({detail})") from error
     by_frame: dict[int, list[_Signal]] = {}
     for name, input_name in ((host.speed, HOST_SPEED), (host.acceleration, ACCELERATION)):
         if name:
@@ -95,16 +103,26 @@ def _host_signals(host: HostSignals) -> dict[int, list[_Signal]]:
 class CanDrive:
     """Frames in, samples out: the radar's lead and the host's signals."""
 
-    def __init__(self, host: HostSignals | None = None) -> None:
-        """Raises UserError for a DBC file or signal that is not there."""
+    def __init__(self, host: HostSignals | None = None, motion: HostMotion | None = None) -> None:
+        """`motion` is shared with whoever hears of the host elsewhere than on CAN.
+
+        Raises UserError for a DBC file or signal that is not there.
+        """
         self._esr = EsrDecoder()
         self._selector = LeadSelector()
         self._host = {} if host is None else _host_signals(host)
-        self._speed: float | None = None
+        self._motion = motion or HostMotion()
         self.counts = self._esr.counts
 
     def push(self, frame: Frame) -> Iterator[Sample]:
         """Take one frame; gives the samples that it completes."""
+        yield from self.push_host(frame)
+        stamp, identifier, data = frame
+        if identifier not in self._host:
+            yield from map(self._lead, self._esr.push(stamp, identifier, data))
+
+    def push_host(self, frame: Frame) -> Iterator[Sample]:
+        """Take one frame of a bus that has no radar that counts: only of the host's signals."""
         stamp, identifier, data = frame
         for signal in self._host.get(identifier, ()):
             value = signal.value(data)
@@ -113,17 +131,15 @@ class CanDrive:
                 continue
             sample = ScalarSample(signal.input, stamp, value)
             if signal.input == HOST_SPEED:
-                self._speed = sample.value
+                self._motion.hear(speed=sample.value)
             yield sample
-        if identifier not in self._host:
-            yield from map(self._lead, self._esr.push(stamp, identifier, data))
 
     def flush(self) -> Iterator[Sample]:
         """What the end of the recording has cut off."""
         yield from map(self._lead, self._esr.flush())
 
     def _lead(self, scan: Scan) -> Sample:
-        return select_lead(self._selector, scan, self._speed)
+        return select_lead(self._selector, scan, self._motion)
 
 
 def read_can_streams(
@@ -253,5 +269,8 @@ def _frames(messages: Iterable["can.Message"], counts: Counter[str]) -> Iterator
     for message in messages:
         if message.is_error_frame or message.is_remote_frame:
             counts["error and remote frames"] += 1
+            continue
+        if not abs(message.timestamp) < LATEST:
+            counts["frames without a possible stamp"] += 1
             continue
         yield round(message.timestamp * 1e9), message.arbitration_id, bytes(message.data)

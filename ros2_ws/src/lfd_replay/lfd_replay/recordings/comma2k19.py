@@ -6,6 +6,7 @@ two unused columns, the track's address, and whether it is a new track. The wind
 accelerometer gives forward, right and down.
 """
 
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, Sample, ScalarSample
-from lfd_replay.recordings.lead_selection import LeadSelector, Track
+from lfd_replay.drive import LATEST
+from lfd_replay.recordings.lead_selection import HostMotion, LeadSelector, Track
 from lfd_replay.recordings.recorded_messages import Mounting
 
 Array = NDArray[np.float64]
@@ -40,18 +42,17 @@ def is_segment(path: Path) -> bool:
 def read_segment_streams(path: Path, mounting: Mounting) -> dict[str, list[Sample]]:
     """The streams of a segment. Raises UserError where a log is missing or damaged."""
     folder = path / LOG if (path / LOG).is_dir() else path
-    speed_time, speed = _log(folder, SPEED)
-    radar_time, tracks = _log(folder, RADAR_TRACKS)
+    speed_time, speed = _log(folder, SPEED, 1)
     streams: dict[str, list[Sample]] = {
-        RADAR: _radar(folder, radar_time, tracks, speed_time, speed.reshape(len(speed), -1)[:, 0]),
+        RADAR: _radar(folder, mounting, speed_time, speed[:, 0]),
         HOST_SPEED: [
             ScalarSample(HOST_SPEED, _stamp(t), float(v))
-            for t, v in zip(speed_time, speed.reshape(len(speed), -1)[:, 0], strict=True)
+            for t, v in zip(speed_time, speed[:, 0], strict=True)
         ],
         ACCELERATION: [],
     }
     if _there(folder, ACCELEROMETER) is not None:
-        time, felt = _log(folder, ACCELEROMETER)
+        time, felt = _log(folder, ACCELEROMETER, 3)
         # Forward, right, down; a sensor in a car is forward, left, up.
         streams[ACCELERATION] = [
             ScalarSample(ACCELERATION, _stamp(t), mounting.forward(x, -y, -z))
@@ -60,19 +61,14 @@ def read_segment_streams(path: Path, mounting: Mounting) -> dict[str, list[Sampl
     return streams
 
 
-def _radar(
-    folder: Path, time: Array, tracks: Array, speed_time: Array, speed: Array
-) -> list[Sample]:
-    if tracks.ndim != 2 or tracks.shape[1] <= ADDRESS:
-        raise UserError(
-            f"{folder}/{RADAR_TRACKS[0]}/value: has shape {tracks.shape}; rows of 7 are expected"
-        )
-    selector, samples = LeadSelector(), []
+def _radar(folder: Path, mounting: Mounting, speed_time: Array, speed: Array) -> list[Sample]:
+    time, tracks = _log(folder, RADAR_TRACKS, ADDRESS + 1)
+    selector, motion, samples = LeadSelector(), HostMotion(), []
     yaw_time, yaw = np.empty(0), np.empty(0)
     if _there(folder, YAW) is not None:
-        yaw_time, gyro = _log(folder, YAW)
-        # Turning left is positive here; the phone's third axis points down.
-        yaw = -gyro[:, 2]
+        yaw_time, gyro = _log(folder, YAW, 3)
+        # About forward, right and down, as the accelerometer.
+        yaw = np.array([mounting.yaw_rate(x, -y, -z) for x, y, z in gyro[:, :3].tolist()])
     for rows in np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) > SCAN_GAP) + 1):
         if not len(rows):
             continue
@@ -80,11 +76,13 @@ def _radar(
         scan = [
             Track(int(row[ADDRESS]), row[DISTANCE], row[LEFT], row[RATE])
             for row in tracks[rows].tolist()
-            if np.isfinite(row[DISTANCE])
+            if isfinite(row[DISTANCE]) and isfinite(row[ADDRESS])
         ]
-        host = float(np.interp(now, speed_time, speed)) if len(speed) else None
-        turning = float(np.interp(now, yaw_time, yaw)) if len(yaw) else None
-        samples.append(selector.select(_stamp(now), scan, host, turning))
+        motion.hear(
+            float(np.interp(now, speed_time, speed)) if len(speed) else None,
+            float(np.interp(now, yaw_time, yaw)) if len(yaw) else None,
+        )
+        samples.append(selector.select(_stamp(now), scan, motion.speed, motion.yaw_rate))
     return samples
 
 
@@ -92,8 +90,8 @@ def _there(folder: Path, names: tuple[str, ...]) -> Path | None:
     return next((folder / name for name in names if (folder / name / "t").is_file()), None)
 
 
-def _log(folder: Path, names: tuple[str, ...]) -> tuple[Array, Array]:
-    """Times and values of one log."""
+def _log(folder: Path, names: tuple[str, ...], columns: int) -> tuple[Array, Array]:
+    """Times of one log and its values, in rows of at least so many columns. Raises UserError."""
     log = _there(folder, names)
     if log is None:
         there = ", ".join(
@@ -103,11 +101,26 @@ def _log(folder: Path, names: tuple[str, ...]) -> tuple[Array, Array]:
     try:
         time = np.load(log / "t", allow_pickle=False).astype(float)
         value = np.load(log / "value", allow_pickle=False).astype(float)
-    except (OSError, ValueError, EOFError) as error:
+    except Exception as error:  # whatever a damaged file makes a parser raise
         detail = " ".join(str(error).split())[:200]
         raise UserError(f"{log}: cannot be read as numpy arrays ({detail})") from error
+    if value.size == 0:
+        value = np.empty((0, columns))
+    elif value.ndim == 1:
+        value = value[:, None]
+    if time.ndim != 1 or value.ndim != 2 or value.shape[1] < columns:
+        raise UserError(
+            f"{log}: times of shape {time.shape} and values of shape {value.shape}; a row of times "
+            f"and rows of at least {columns} values are expected"
+        )
     if len(time) != len(value):
         raise UserError(f"{log}: {len(time)} times and {len(value)} values; as many are expected")
+    wrong = np.flatnonzero(~(np.abs(time) < LATEST))
+    if len(wrong):
+        raise UserError(
+            f"{log}: time {wrong[0] + 1} is {time[wrong[0]]}; s, finite and below {LATEST}, are "
+            "expected"
+        )
     return time, value
 
 

@@ -13,7 +13,7 @@ from math import cos, radians, sin
 from typing import TYPE_CHECKING, Any
 
 from lfd_mpc.samples import RadarSample
-from lfd_replay.recordings.lead_selection import LeadSelector, Track
+from lfd_replay.recordings.lead_selection import HostMotion, LeadSelector, Track
 
 if TYPE_CHECKING:
     from cantools.database import Database
@@ -182,9 +182,7 @@ class EsrDecoder:
         return replace(scan, flags=flags, text=", ".join(text for _, text in raised))
 
 
-def select_lead(
-    selector: LeadSelector, scan: Scan, host_speed: float | None, yaw_rate: float | None = None
-) -> RadarSample:
+def select_lead(selector: LeadSelector, scan: Scan, host: HostMotion) -> RadarSample:
     """The lead of a scan, with what the radar says of itself."""
-    lead = selector.select(scan.stamp, scan.tracks, host_speed, yaw_rate, scan.in_path)
+    lead = selector.select(scan.stamp, scan.tracks, host.speed, host.yaw_rate, scan.in_path)
     return replace(lead, sensor_flags=scan.flags, sensor_text=scan.text)

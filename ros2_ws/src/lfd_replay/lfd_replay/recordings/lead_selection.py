@@ -13,7 +13,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import nan
+from math import isfinite, nan
 
 from lfd_mpc.samples import UNKNOWN_TRACK, RadarSample
 
@@ -53,6 +53,24 @@ class Track:
     relative_velocity: float
     measured: bool = True
     moving: bool | None = None
+
+
+@dataclass
+class HostMotion:
+    """How the host moves, as last heard from whatever says so; None = not known.
+
+    `speed` in m/s, `yaw_rate` in rad/s, positive to the left.
+    """
+
+    speed: float | None = None
+    yaw_rate: float | None = None
+
+    def hear(self, speed: float | None = None, yaw_rate: float | None = None) -> None:
+        """Take what one message says; what is not finite says nothing."""
+        if speed is not None and isfinite(speed):
+            self.speed = speed
+        if yaw_rate is not None and isfinite(yaw_rate):
+            self.yaw_rate = yaw_rate
 
 
 class LeadSelector:

@@ -7,6 +7,7 @@ are those of the headers; a header without a stamp counts as stamped when it was
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from math import cos, radians, sin
 from typing import Any
 
@@ -21,13 +22,15 @@ from lfd_mpc.samples import (
     Sample,
     ScalarSample,
 )
-from lfd_replay.recordings.can_log import CanDrive, HostSignals
+from lfd_replay.recordings.can_log import CanDrive, Frame, HostSignals
 from lfd_replay.recordings.esr import ScanAssembler, esr_track, select_lead
-from lfd_replay.recordings.lead_selection import LeadSelector, Track
+from lfd_replay.recordings.lead_selection import HostMotion, LeadSelector, Track
 
 ESR_TRACK, ESR_STATUS_4 = "delphi_esr_msgs/msg/EsrTrack", "delphi_esr_msgs/msg/EsrStatus4"
 RADAR_TRACKS = "radar_msgs/msg/RadarTracks"
 CAN_FRAME = "can_msgs/msg/Frame"
+HOST_FRAME = "can_msgs/msg/Frame of the host"
+"""A frame of a bus whose radar, if it has one, is not the one that counts."""
 
 TYPES = {
     RADAR: ("lfd_msgs/msg/RadarTarget", ESR_TRACK, RADAR_TRACKS, CAN_FRAME),
@@ -65,6 +68,15 @@ class Mounting:
         )
         return row[0] * x + row[1] * y + row[2] * z - self.offset
 
+    def yaw_rate(self, x: float, y: float, z: float) -> float:
+        """Yaw rate of the car in rad/s, positive to the left, from the sensor's own turn rates."""
+        if self.rotation == (0.0, 0.0, 0.0):
+            # An axis that does not count may be NaN.
+            return z
+        roll, pitch, _ = map(radians, self.rotation)
+        # Third row of the same R.
+        return -sin(pitch) * x + cos(pitch) * sin(roll) * y + cos(pitch) * cos(roll) * z
+
 
 class MessageConverter:
     """Messages of one recording, or of one car, to samples; counts what is damaged."""
@@ -72,19 +84,19 @@ class MessageConverter:
     def __init__(self, mounting: Mounting | None = None, host: HostSignals | None = None) -> None:
         """Raises UserError for a DBC file or signal that is not there."""
         self._mounting = mounting or Mounting()
-        self._can = CanDrive(host)
+        self._motion = HostMotion()
+        self._can = CanDrive(host, self._motion)
         self.counts: Counter[str] = self._can.counts
         self._selector = LeadSelector()
         self._assembler = ScanAssembler(self.counts)
         self._numbers: dict[bytes, int] = {}
-        self._speed: float | None = None
-        self._yaw_rate: float | None = None
         self._converters: dict[str, Callable[[Any, int], Iterable[Sample]]] = {
             "lfd_msgs/msg/RadarTarget": self._radar_target,
             ESR_TRACK: self._esr_track,
             ESR_STATUS_4: self._esr_status_4,
             RADAR_TRACKS: self._radar_tracks,
-            CAN_FRAME: self._can_frame,
+            CAN_FRAME: partial(self._can_frame, self._can.push),
+            HOST_FRAME: partial(self._can_frame, self._can.push_host),
             "sensor_msgs/msg/Imu": self._imu,
             "geometry_msgs/msg/AccelWithCovarianceStamped": self._accel,
             "geometry_msgs/msg/TwistStamped": self._twist,
@@ -93,15 +105,19 @@ class MessageConverter:
         }
 
     def push(self, message_type: str, message: Any, received: int) -> Iterable[Sample]:
-        """Take a message of a type in `TYPES`, received at `received` (ns)."""
+        """Take a message of a type in `TYPES` or `HOST_FRAME`, received at `received` (ns)."""
         header = message.header.stamp
         stamp = header.sec * 1_000_000_000 + header.nanosec
         return self._converters[message_type](message, stamp or received)
 
+    def push_frame(self, frame: Frame) -> Iterable[Sample]:
+        """Take a frame as it comes from a bus itself."""
+        return self._can.push(frame)
+
     def flush(self) -> Iterator[Sample]:
         """What the end of a recording has cut off."""
         for scan in self._assembler.flush():
-            yield select_lead(self._selector, scan, self._speed, self._yaw_rate)
+            yield select_lead(self._selector, scan, self._motion)
         yield from self._can.flush()
 
     def _radar_target(self, message: Any, stamp: int) -> Iterable[Sample]:
@@ -126,7 +142,7 @@ class MessageConverter:
         )
         rolling = int(message.rolling_count)
         for scan in self._assembler.push(stamp, int(message.id), track, rolling):
-            yield select_lead(self._selector, scan, self._speed, self._yaw_rate)
+            yield select_lead(self._selector, scan, self._motion)
 
     def _esr_status_4(self, message: Any, _stamp: int) -> Iterable[Sample]:
         self._assembler.in_path = int(message.path_id_acc)
@@ -134,7 +150,8 @@ class MessageConverter:
 
     def _radar_tracks(self, message: Any, stamp: int) -> Iterable[Sample]:
         tracks = [self._track(track) for track in message.tracks]
-        return (self._selector.select(stamp, tracks, self._speed, self._yaw_rate),)
+        host = self._motion
+        return (self._selector.select(stamp, tracks, host.speed, host.yaw_rate),)
 
     def _track(self, track: Any) -> Track:
         identity = bytes(track.uuid.uuid)
@@ -147,16 +164,20 @@ class MessageConverter:
             moving=known.get(int(track.classification)),
         )
 
-    def _can_frame(self, message: Any, stamp: int) -> Iterable[Sample]:
+    def _can_frame(
+        self, push: Callable[[Frame], Iterable[Sample]], message: Any, stamp: int
+    ) -> Iterable[Sample]:
         if message.is_error or message.is_rtr:
             self.counts["error and remote frames"] += 1
             return ()
         data = bytes(np.asarray(message.data, dtype=np.uint8))[: int(message.dlc)]
-        return self._can.push((stamp, int(message.id), data))
+        return push((stamp, int(message.id), data))
 
     def _imu(self, message: Any, stamp: int) -> Iterable[Sample]:
         if message.angular_velocity_covariance[0] != -1.0:
-            self._yaw_rate = float(message.angular_velocity.z)
+            rate = message.angular_velocity
+            turning = self._mounting.yaw_rate(float(rate.x), float(rate.y), float(rate.z))
+            self._motion.hear(yaw_rate=turning)
         return (self._forward(message.linear_acceleration, stamp),)
 
     def _accel(self, message: Any, stamp: int) -> Iterable[Sample]:
@@ -176,5 +197,6 @@ class MessageConverter:
         return (ScalarSample(LEAD_ACCELERATION, stamp, float(message.accel.linear.x)),)
 
     def _host_speed(self, twist: Any, stamp: int) -> Sample:
-        self._speed = float(twist.linear.x)
-        return ScalarSample(HOST_SPEED, stamp, self._speed)
+        speed = float(twist.linear.x)
+        self._motion.hear(speed=speed)
+        return ScalarSample(HOST_SPEED, stamp, speed)
