@@ -300,7 +300,7 @@ def test_a_given_file_replaces_the_column_of_the_first(tmp_path: Path) -> None:
 )
 def test_a_parameter_file_names_nodes_as_ros_does(key: str, tmp_path: Path) -> None:
     file = tmp_path / "params.yaml"
-    other = "/radar_adapter: {ros__parameters: {source: can_bus}}"
+    other = "/camera: {ros__parameters: {exposure: 3}}"
     file.write_text(f"{key}: {{ros__parameters: {{preview_time: 1.25}}}}\n{other}\n")
     assert graph_settings("robust", file).mpc.preview_time == 1.25
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 
 import yaml
@@ -40,9 +41,6 @@ NODES: dict[str, type[Settings]] = {
 }
 """The settings of each node of the graph, by node name."""
 
-OTHER_NODES = ("vehicle_node", "radar_adapter", "host_adapter", "fault_injector", "bag_player")
-"""What a parameter file may speak of as well: a graph has no use for it."""
-
 
 def graph_settings(profile: str, file: Path | None = None) -> GraphSettings:
     """Settings of a profile, changed by a ROS parameter file.
@@ -64,7 +62,8 @@ def graph_settings(profile: str, file: Path | None = None) -> GraphSettings:
 def read_parameter_file(file: Path) -> dict[str, dict]:
     """Parameters by node name; `/**` and `/*` hold for every node that knows them.
 
-    A node's name may have a namespace before it, as `/car/mpc_node` or `/**/mpc_node`.
+    A node's name may have a namespace before it, as `/car/mpc_node` or `/**/mpc_node`. A file may
+    be that of a whole car: other nodes are passed over, but not one that is spelt nearly right.
     Raises UserError for an unreadable file and for unknown nodes or parameters.
     """
     try:
@@ -92,9 +91,8 @@ def read_parameter_file(file: Path) -> dict[str, dict]:
         elif node in values:
             own = {str(k): v for k, v in parameters.items() if k != "use_sim_time"}
             values[node].update(own)
-        elif node not in OTHER_NODES:
-            there = ", ".join((*NODES, *OTHER_NODES))
-            raise UserError(f"{file}: unknown node '{key}'; there are: /**, {there}")
+        elif get_close_matches(node, NODES, cutoff=0.8):
+            raise UserError(f"{file}: unknown node '{key}'; there are: /**, {', '.join(NODES)}")
     return values
 
 
