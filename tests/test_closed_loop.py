@@ -142,6 +142,14 @@ def test_wrong_parameters_of_the_vehicle_are_refused(name: str, value, named: st
         VehicleNode(graph.context, parameter_overrides=[rclpy.Parameter(name, value=value)])
 
 
+def test_a_lead_and_a_rate_may_be_whole_numbers() -> None:
+    overrides = [rclpy.Parameter("lead", value=20), rclpy.Parameter("rate", value=1)]
+    with Graph() as graph:
+        vehicle = graph.add(VehicleNode(graph.context, parameter_overrides=overrides))
+        assert vehicle.world.lead.speed == 20.0
+        assert vehicle.get_parameter("rate").value == 1.0
+
+
 # --- does it help?
 
 

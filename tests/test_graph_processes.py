@@ -13,7 +13,8 @@ from rosbags.highlevel import AnyReader
 from test_live_equals_offline import drive
 
 from lfd_bringup.recorder import RecorderNode
-from lfd_mpc.node_process import LEAVING
+from lfd_mpc.errors import UserError
+from lfd_mpc.node_process import LEAVING, ros_started
 from lfd_replay.drive import Drive
 from lfd_replay.drive_bag import write_drive
 from lfd_replay.faults import FaultInjector, parse_faults
@@ -128,6 +129,9 @@ def test_replay_leaves_bag_report_and_timeline(drive_file: Path, tmp_path: Path)
     assert counts["/radar/target"] == 60
 
 
+RADAR_QOS = "qos_overrides./radar/target.subscription"
+
+
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
@@ -140,6 +144,15 @@ def test_replay_leaves_bag_report_and_timeline(drive_file: Path, tmp_path: Path)
         (["lfd_bringup", "replay", "--drive", "{drive}", "--out", "{drive}/x"], "cannot be made"),
         (["lfd_bringup", "replay", "--drive", "{drive}", "--fault", "offset:radar=1@1-2"], "radar"),
         (["lfd_mpc", "mpc_node", "--ros-args", "-p", "solver:=magic"], "magic"),
+        (["lfd_mpc", "mpc_node", "solver"], "--ros-args -p NAME:=VALUE"),
+        (["lfd_mpc", "mpc_node", "--ros-args", "--params-file", "nowhere.yaml"], "nowhere.yaml"),
+        (["lfd_mpc", "mpc_node", "--ros-args", "-p", "solver"], "-p NAME:=VALUE"),
+        (["lfd_mpc", "mpc_node", "--ros-args", "-p", "use_sim_time:=soon"], "use_sim_time"),
+        (["lfd_mpc", "mpc_node", "--ros-args", "-p", f"{RADAR_QOS}.reliability:=x"], "best_effort"),
+        (["lfd_mpc", "mpc_node", "--ros-args", "-p", f"{RADAR_QOS}.depth:=-1"], "0 or more"),
+        (["lfd_diagnosis", "diagnosis_node", "--ros-args", "-p", "markers:=3"], "markers"),
+        (["lfd_bringup", "replay", "--ros-args", "--params-file", "nowhere.yaml"], "nowhere.yaml"),
+        (["lfd_replay", "bag_player", "{drive}", "--ros-args", "-p", "x"], "-p NAME:=VALUE"),
         (["lfd_mpc", "mpc_nod"], "mpc_node"),
         (["lfd_mcp", "mpc_node"], "lfd_mpc"),
     ],
@@ -153,6 +166,13 @@ def test_a_mistake_ends_with_one_line_and_status_2(
     assert len(done.stderr.strip().splitlines()) == 1 and named in done.stderr
     assert "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("domain", ["soon", "233"])
+def test_a_domain_that_cannot_be_is_named(monkeypatch, domain: str) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", domain)
+    with pytest.raises(UserError, match=f"ROS_DOMAIN_ID.*{domain}.*0 to 232"), ros_started([]):
+        pass
 
 
 STOPPED = """

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from rclpy.executors import Executor
 from rclpy.node import Node
-from rclpy.utilities import remove_ros_args
 from rich.console import Console
 from rich.text import Text
 
@@ -19,7 +18,7 @@ from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.verdict import Event, State
 from lfd_mpc.errors import UserError
 from lfd_mpc.mpc_node import MpcNode
-from lfd_mpc.node_process import deliver, interruptible, make_executor
+from lfd_mpc.node_process import deliver, interruptible, make_executor, own_arguments
 from lfd_observer.observer_node import ObserverNode
 from lfd_replay.bag_player import add_play_options, play, play_options
 from lfd_replay.command_line import add_drive_options, print_table, result_table, warn
@@ -104,7 +103,7 @@ def main_replay(arguments: list[str], joined: float) -> int:
         help=f"one of: {', '.join(PROFILES)} (default: %(default)s)",
     )
     parser.add_argument("--out", type=Path, default=Path("out/replay"), metavar="FOLDER")
-    options = parser.parse_args(remove_ros_args(["replay", *arguments])[1:])
+    options = parser.parse_args(own_arguments("replay", arguments))
 
     if options.profile not in PROFILES:
         raise UserError(f"--profile {options.profile}: unknown; there are: {', '.join(PROFILES)}")

@@ -13,7 +13,6 @@ from pathlib import Path
 import rclpy
 from rclpy.executors import Executor
 from rclpy.node import Node
-from rclpy.utilities import remove_ros_args
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
@@ -29,7 +28,13 @@ from lfd_bringup.replay import (
 )
 from lfd_diagnosis.decision_node import DecisionNode
 from lfd_mpc.errors import UserError
-from lfd_mpc.node_process import deliver, interruptible, make_executor, ros_started
+from lfd_mpc.node_process import (
+    deliver,
+    interruptible,
+    make_executor,
+    own_arguments,
+    ros_started,
+)
 from lfd_replay.command_line import print_table, result_table
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
@@ -87,7 +92,7 @@ def main_simulate(arguments: list[str]) -> int:
         help=f"one of: {', '.join(PROFILES)} (default: %(default)s)",
     )
     parser.add_argument("--out", type=Path, default=Path("out/simulate"), metavar="FOLDER")
-    options = parser.parse_args(remove_ros_args(["simulate", *arguments])[1:])
+    options = parser.parse_args(own_arguments("simulate", arguments))
     if options.profile not in PROFILES:
         raise UserError(f"--profile {options.profile}: unknown; there are: {', '.join(PROFILES)}")
     if options.seed < 0:

@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import AccelStamped, TwistStamped
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
@@ -26,6 +26,7 @@ from lfd_mpc.node_support import (
     PIPELINE_QOS,
     HealthPublisher,
     ReadyAnnouncer,
+    declare,
     declare_settings,
 )
 from lfd_mpc.qos_events import hearing, telling
@@ -48,6 +49,16 @@ def sensor_qos() -> QoSProfile:
     A new object each time: an override by parameter changes the object itself.
     """
     return QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def _possible(qos: QoSProfile) -> SetParametersResult:
+    return SetParametersResult(
+        successful=qos.depth >= 0, reason=f"depth {qos.depth}; 0 or more is expected"
+    )
+
+
+SENSOR_OVERRIDES = QoSOverridingOptions.with_default_policies(callback=_possible)
+"""What parameters may change of `sensor_qos`."""
 
 
 def _acceleration(message: Imu) -> Sample:
@@ -85,7 +96,7 @@ class MpcNode(Node):
     def __init__(self, context: Context | None = None, **node_options) -> None:
         """Raises UserError for parameters that cannot work."""
         super().__init__("mpc_node", context=context, **node_options)
-        receipts = self.declare_parameter("receipts", False, RECEIPTS_PARAMETER).value
+        receipts = declare(self, "receipts", False, RECEIPTS_PARAMETER)
         settings = declare_settings(self, MpcSettings, self._change)
         self._horizon = self.create_publisher(
             PredictionHorizon,
@@ -105,7 +116,7 @@ class MpcNode(Node):
                 topic,
                 partial(self._on_sample, input_name),
                 qos,
-                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+                qos_overriding_options=SENSOR_OVERRIDES,
                 event_callbacks=hearing(self, topic, qos),
             )
         self._driving = None

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from pydantic import ValidationError
 from rcl_interfaces.msg import (
@@ -20,6 +19,7 @@ from std_msgs.msg import String
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.health import PERIOD, Health
+from lfd_mpc.node_process import REFUSED_PARAMETER
 from lfd_mpc.settings import Settings, is_fixed, settings_error
 
 READY_TOPIC = "ready"
@@ -47,19 +47,37 @@ def declare_settings(
     for name, field in kind.model_fields.items():
         descriptor = describe(field, read_only=apply is None or is_fixed(field))
         default = list(field.default) if isinstance(field.default, tuple) else field.default
-        try:
-            value = node.declare_parameter(name, default, descriptor).value
-        except (
-            rclpy.exceptions.InvalidParameterTypeException,
-            rclpy.exceptions.InvalidParameterValueException,
-        ) as error:
-            raise UserError(f"parameter '{name}': {error}") from error
+        value = declare(node, name, default, descriptor)
         values[name] = tuple(value) if isinstance(field.default, tuple) else value
     settings = _checked(kind, values)
     _refuse_unknown(node)
     if apply is not None:
         _follow_changes(node, settings, apply)
     return settings
+
+
+def declare(node: Node, name: str, default: Any, descriptor: ParameterDescriptor) -> Any:
+    """Declare a parameter and return its value, of the type of `default`.
+
+    Raises UserError naming the parameter for a value that is refused.
+    """
+    given = node._parameter_overrides.get(name)
+    if given is not None:
+        value = _as_meant(given.value, default)
+        node._parameter_overrides[name] = Parameter(name, value=value)
+    try:
+        return node.declare_parameter(name, default, descriptor).value
+    except REFUSED_PARAMETER as error:
+        raise UserError(f"parameter '{name}': {error}") from error
+
+
+def _as_meant(value: Any, default: Any) -> Any:
+    """A whole number where any number will do, and a number where a text is expected."""
+    if type(value) is int and isinstance(default, float):
+        return float(value)
+    if type(value) in (int, float) and isinstance(default, str):
+        return str(value)
+    return value
 
 
 def _checked(kind: type[SettingsType], values: dict[str, Any]) -> SettingsType:

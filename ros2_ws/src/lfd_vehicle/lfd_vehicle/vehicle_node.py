@@ -10,7 +10,6 @@ import time
 from dataclasses import dataclass
 
 from geometry_msgs.msg import AccelStamped
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock as RosClock
 from rclpy.clock import ClockType
 from rclpy.context import Context
@@ -37,7 +36,7 @@ from lfd_replay.lockstep import ANSWERS, Lockstep, LockstepError
 from lfd_replay.sample_publishers import SamplePublishers
 from lfd_vehicle.lead import lead_motion
 from lfd_vehicle.markers import markers
-from lfd_vehicle.settings import VehicleSettings
+from lfd_vehicle.settings import VehicleNodeSettings
 from lfd_vehicle.vehicle import DivergenceError
 from lfd_vehicle.world import Scenario, World
 
@@ -88,14 +87,8 @@ class VehicleNode(Node):
     ) -> None:
         """Raises UserError for a lead, faults or parameters that cannot be."""
         super().__init__("vehicle_node", context=context, **node_options)
-        text = self._text_parameter("lead", "data-1", "lead: name, drive file or steps")
-        faults = self._text_parameter("faults", "", "fault texts, separated by ;")
-        rate_text = ParameterDescriptor(description="x real time; 0 = lockstep", read_only=True)
-        self._rate = float(self.declare_parameter("rate", 1.0, rate_text).value)
-        if not 0.0 <= self._rate <= 100.0:
-            raise UserError(f"parameter 'rate': {self._rate:g}; 0 (lockstep) to 100 is expected")
-        settings = declare_settings(self, VehicleSettings)
-        scenario = Scenario(lead_motion(text), tuple(parse_faults([faults])))
+        settings = declare_settings(self, VehicleNodeSettings)
+        scenario = Scenario(lead_motion(settings.lead), tuple(parse_faults([settings.faults])))
         self.world = World(scenario, settings, MpcSettings())
         self.total = scenario.lead.duration
         self.error: Exception | None = None
@@ -113,16 +106,12 @@ class VehicleNode(Node):
         self.create_subscription(String, READY_TOPIC, self._on_ready, READY_QOS)
         self._commanded = -1
         self._lockstep = (
-            Lockstep(self, LOOP_ANSWERS, 1, self._on_timer) if self._rate == 0.0 else None
+            Lockstep(self, LOOP_ANSWERS, 1, self._on_timer) if settings.rate == 0.0 else None
         )
         steady = RosClock(clock_type=ClockType.STEADY_TIME)
-        period = 0.1 if self._lockstep is not None else STEP_S / self._rate
+        period = 0.1 if self._lockstep is not None else STEP_S / settings.rate
         self._timer = self.create_timer(period, self._on_timer, clock=steady)
         ReadyAnnouncer(self, ["mpc/command"])
-
-    def _text_parameter(self, name: str, default: str, text: str) -> str:
-        descriptor = ParameterDescriptor(description=text, read_only=True)
-        return str(self.declare_parameter(name, default, descriptor).value)
 
     def _on_ready(self, message: String) -> None:
         self._missing.discard(message.data.rsplit("/", 1)[-1])
