@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from std_msgs.msg import Float64
 from test_nodes import Subscriber
 
 from lfd_bringup.recorder import LOOP_TOPICS, RecorderNode
+from lfd_bringup.replay import INTERRUPTED
 from lfd_diagnosis.decision_node import DecisionNode
 from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.verdict import Report
@@ -220,6 +222,26 @@ def test_wrong_arguments_are_one_line_and_status_2(arguments, named, tmp_path) -
     done = simulate(*arguments, "--out", str(tmp_path))
     assert done.returncode == 2 and named in done.stderr.strip().splitlines()[-1]
     assert "Traceback" not in done.stderr and not (tmp_path / "bag").exists()
+
+
+def test_a_run_of_less_than_a_second_leaves_its_bag_and_figures(tmp_path) -> None:
+    process = subprocess.Popen(
+        [ROOT / "run", "lfd_bringup", "simulate", "--lead", "20", "--rate", "0.5"]
+        + ["--out", tmp_path],
+        env={**os.environ, "ROS_DOMAIN_ID": str(next_domain())},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    with process:
+        while "NOT_READY -> OK" not in process.stdout.readline():
+            assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=60)
+    assert process.returncode == INTERRUPTED and "interrupted: what was recorded" in errors
+    assert "Traceback" not in errors and "bag:" in output and (tmp_path / "bag").is_dir()
+    assert json.loads((tmp_path / "summary.json").read_text())["safety"]["largest_jerk"] == 0.0
 
 
 @pytest.fixture(scope="module")

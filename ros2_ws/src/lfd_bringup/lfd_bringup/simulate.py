@@ -133,10 +133,11 @@ def main_simulate(arguments: list[str]) -> int:
             ended = _run_to_the_end(vehicle, executor, recorder, console)
             wall, driven = time.monotonic() - started, vehicle.world.stamp * 1e-9
             console.print(f"drove {driven:.1f} s in {wall:.1f} s ({driven / wall:.1f} x real time)")
+            if vehicle.error is not None:
+                print(vehicle.error, file=sys.stderr)
             with interruptible():
                 _leave(options.out, lead_text, recorder, faults, console)
             if vehicle.error is not None:
-                print(vehicle.error, file=sys.stderr)
                 return 2 if isinstance(vehicle.error, UserError) else 1
         finally:
             executor.shutdown()
@@ -169,16 +170,19 @@ def _run_to_the_end(
 
 
 def _leave(out: Path, lead: str, recorder: RecorderNode, faults: list, console: Console) -> None:
-    """Bag, report, page and summary."""
+    """Bag, report, page and summary; where nothing was judged, the bag alone."""
     from lfd_replay.report import write_report
-    from lfd_vehicle.watch_page import write_watch_page
+    from lfd_vehicle.watch_page import TOPICS, write_watch_page
 
+    write_bag(recorder, out / "bag")
+    if not all(map(recorder.count, TOPICS)):
+        console.print(f"bag: {out / 'bag'}   nothing was judged: there is no report of it")
+        return
     steps = recorder.steps()
     sensors = score(timeline((step.report for step in steps), 0), faults)
     truth = recorder.messages("vehicle/truth")
     levels = [decision.level for decision in recorder.messages("diagnosis/decision")]
-    safety = safety_of(truth, levels, bool(truth) and truth[-1].collided)
-    write_bag(recorder, out / "bag")
+    safety = safety_of(truth, levels, truth[-1].collided)
     summary = {"lead": lead, "safety": safety.figures(), "sensors": sensors}
     write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
     report = write_report(out, f"closed loop behind {lead}", steps, 0, faults, sensors)

@@ -20,6 +20,15 @@ STRIDE = 5
 
 STATES = ("NOT_READY", "OK", "SUSPECT", "FAULT", "NO_DATA", "NO_TARGET")
 
+TOPICS = (
+    "vehicle/truth",
+    "mpc/driving",
+    "diagnosis/faults",
+    "diagnosis/decision",
+    "mpc/horizon",
+)
+"""What the page is made of: without a message on each of these there is none."""
+
 VERDICTS = ("clearance", "relative_velocity", "acceleration", "host_speed")
 
 TRUTH = (
@@ -52,13 +61,7 @@ def write_watch_page(bag: Path, page: Path, faults: list[Fault]) -> Path:
 
 def _read(bag: Path) -> dict[str, Any]:
     """What the page draws, by name, as lists of equal length."""
-    topics = {
-        "/vehicle/truth": [],
-        "/mpc/driving": [],
-        "/diagnosis/faults": [],
-        "/diagnosis/decision": [],
-        "/mpc/horizon": [],
-    }  # type: dict[str, list[Any]]
+    topics: dict[str, list[Any]] = {f"/{topic}": [] for topic in TOPICS}
     with open_bag(bag) as reader:
         chosen = [c for c in reader.connections if c.topic in topics]
         for connection, _, raw in reader.messages(chosen):
