@@ -15,7 +15,7 @@ from std_msgs.msg import Float64
 from test_nodes import Subscriber
 
 from lfd_bringup.recorder import LOOP_TOPICS, RecorderNode
-from lfd_bringup.replay import INTERRUPTED
+from lfd_bringup.replay import INTERRUPTED, write_bag
 from lfd_diagnosis.decision_node import DecisionNode
 from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.verdict import Report
@@ -28,7 +28,14 @@ from lfd_observer.observer_node import ObserverNode
 from lfd_replay.faults import parse_faults
 from lfd_replay.profiles import graph_settings
 from lfd_vehicle.closed_loop import ClosedLoop
-from lfd_vehicle.closed_loop_evaluation import Case, case_rows, goals, leave, run_case
+from lfd_vehicle.closed_loop_evaluation import (
+    Case,
+    case_rows,
+    goals,
+    leave,
+    main_closed_loop,
+    run_case,
+)
 from lfd_vehicle.lead import lead_motion
 from lfd_vehicle.scenarios import FAULTS, MUST_COLLIDE, SITUATIONS, Situation, timed
 from lfd_vehicle.settings import VehicleSettings
@@ -242,6 +249,19 @@ def test_a_run_of_less_than_a_second_leaves_its_bag_and_figures(tmp_path) -> Non
     assert process.returncode == INTERRUPTED and "interrupted: what was recorded" in errors
     assert "Traceback" not in errors and "bag:" in output and (tmp_path / "bag").is_dir()
     assert json.loads((tmp_path / "summary.json").read_text())["safety"]["largest_jerk"] == 0.0
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_anything_is_run(monkeypatch) -> None:
+    monkeypatch.setattr("lfd_vehicle.closed_loop_evaluation.run_all", None)
+    with pytest.raises(UserError, match="--out /proc: cannot be made or written"):
+        main_closed_loop(["--out", "/proc"])
+
+
+def test_a_bag_that_cannot_be_replaced_is_one_line(tmp_path) -> None:
+    (tmp_path / "bag").write_text("a file, no folder")
+    with Graph() as graph, pytest.raises(UserError, match="bag: cannot be written"):
+        write_bag(graph.add(RecorderNode(lambda _: None, graph.context)), tmp_path / "bag")
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
 
 
 @pytest.fixture(scope="module")

@@ -142,6 +142,7 @@ RADAR_QOS = "qos_overrides./radar/target.subscription"
         (["lfd_bringup", "replay", "--drive", "nowhere.csv"], "nowhere.csv"),
         (["lfd_bringup", "replay", "--profile", "magic"], "magic"),
         (["lfd_bringup", "replay", "--drive", "{drive}", "--out", "{drive}/x"], "cannot be made"),
+        (["lfd_bringup", "replay", "--drive", "{drive}", "--out", "/proc"], "or written"),
         (["lfd_bringup", "replay", "--drive", "{drive}", "--fault", "offset:radar=1@1-2"], "radar"),
         (["lfd_mpc", "mpc_node", "--ros-args", "-p", "solver:=magic"], "magic"),
         (["lfd_mpc", "mpc_node", "solver"], "--ros-args -p NAME:=VALUE"),

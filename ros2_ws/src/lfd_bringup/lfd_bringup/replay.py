@@ -26,7 +26,7 @@ from lfd_replay.drive import Drive
 from lfd_replay.drive_bag import replace_folder, write_drive
 from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.lockstep import LockstepError
-from lfd_replay.paths import share_folder
+from lfd_replay.paths import make_folder, share_folder
 from lfd_replay.player import GRAPH_NODES, PlayerNode, samples_to_play
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES
 from lfd_replay.read_drive import read_drive, read_options
@@ -81,14 +81,6 @@ def default_drive(out: Path) -> Path:
     path = out / f"{DEFAULT_DRIVE}.mcap"
     write_drive(generate_drive(DEFAULT_DRIVE, seed=0, sensor="esr"), path)
     return path
-
-
-def make_folder(out: Path) -> None:
-    """Where everything is left. Raises UserError where it cannot be made."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out {out}: cannot be made ({error.strerror})") from error
 
 
 def main_replay(arguments: list[str], joined: float) -> int:
@@ -175,13 +167,13 @@ def drain(executor: Executor, recorder: RecorderNode) -> None:
 
 def write_bag(recorder: RecorderNode, bag: Path) -> None:
     """Write what was recorded, in place of an older bag. Raises UserError where it does not fit."""
-    with tempfile.TemporaryDirectory(dir=bag.parent, prefix=".writing-") as folder:
-        writing = Path(folder) / "bag"
-        try:
+    try:
+        with tempfile.TemporaryDirectory(dir=bag.parent, prefix=".writing-") as folder:
+            writing = Path(folder) / "bag"
             written, count = recorder.write(writing)
-        except OSError as error:
-            raise UserError(f"{bag}: cannot be written ({error.strerror})") from error
-        replace_folder(writing, bag)
+            replace_folder(writing, bag)
+    except OSError as error:
+        raise UserError(f"{bag}: cannot be written ({error.strerror})") from error
     if written < count:
         raise UserError(
             f"{bag}: the disk is full: it holds the first {written} of {count} messages, "

@@ -23,7 +23,6 @@ from lfd_bringup.replay import (
     drain,
     event_line,
     graph_nodes,
-    make_folder,
     write_bag,
 )
 from lfd_diagnosis.decision_node import DecisionNode
@@ -38,6 +37,7 @@ from lfd_mpc.node_process import (
 from lfd_replay.command_line import print_table, result_table
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
+from lfd_replay.paths import make_folder
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES
 from lfd_replay.score import score, timeline
 from lfd_replay.text_file import write_text
