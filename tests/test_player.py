@@ -1,6 +1,7 @@
 """The player: what is played when, pauses, loops, and what lockstep notices."""
 
 import runpy
+import time
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -15,8 +16,8 @@ from lfd_mpc.sampling import Sampler
 from lfd_mpc.settings import MpcSettings
 from lfd_replay.drive import Drive
 from lfd_replay.lockstep import LockstepError, horizon_difference
-from lfd_replay.player import PlayerNode, PlayOptions, samples_to_play
-from ros_support import Graph
+from lfd_replay.player import GRAPH_NODES, PlayerNode, PlayOptions, samples_to_play
+from ros_support import REPLAY_ARGUMENTS, Graph
 
 pytestmark = pytest.mark.alone
 
@@ -86,6 +87,19 @@ def test_a_loop_begins_again() -> None:
         pump_until(graph, player, lambda: player.played > 0.8, "nearly all is played")
         pump_until(graph, player, lambda: player.played < 0.5, "it has begun again")
         assert not player.done
+
+
+def test_lockstep_begins_again_at_the_end_of_a_loop() -> None:
+    with Graph() as graph:
+        graph.add_graph(REPLAY_ARGUMENTS)
+        options = PlayOptions(rate=0.0, loop=True)
+        player = graph.add(PlayerNode(drive(0.5), options, GRAPH_NODES, graph.context))
+        before, deadline = 0.0, time.monotonic() + 15.0
+        while player.played >= before:
+            before = player.played
+            graph.executor.spin_once(timeout_sec=min(player.pump(), 0.02))
+            assert not player.done and time.monotonic() < deadline
+        assert before > 0.45
 
 
 def test_lockstep_notices_a_sample_that_was_not_used() -> None:

@@ -116,8 +116,8 @@ class PlayerNode(Node):
 
     @property
     def done(self) -> bool:
-        """Whether everything is played (and, in lockstep, answered)."""
-        return self._position >= len(self._samples) and not self._waiting
+        """Whether everything is played (and, in lockstep, answered); a loop never is."""
+        return not self._options.loop and self._position >= len(self._samples) and not self._waiting
 
     @property
     def played(self) -> float:
