@@ -95,6 +95,8 @@ class PlayerNode(Node):
         self._last_clock = -STEP_NS
         self._last_beat = 0.0
         self._clock_wall = 0.0
+        # Drive time in ns since the first sample; where there is a gap, later than the last sample.
+        self._reached = 0
         self._clock = self.create_publisher(Clock, "/clock", 10)
         self._now = Clock()
         self._outputs = SamplePublishers(self, PIPELINE_QOS)
@@ -153,7 +155,7 @@ class PlayerNode(Node):
             if self._lockstep is not None:
                 self._lockstep.check_reliable(self._outputs.topics)
             self.started = now
-            self._clock_wall = now
+            self._clock_wall = self._pause_wall = now
         if self._paused:
             self._beat(now)
             return HEARTBEAT
@@ -162,7 +164,11 @@ class PlayerNode(Node):
         return self._pump_free(now)
 
     def _pump_free(self, now: float) -> float:
-        elapsed = round((now - self._clock_wall) * self._options.rate * 1e9)
+        return self._play_to(round((now - self._clock_wall) * self._options.rate * 1e9), now)
+
+    def _play_to(self, elapsed: int, now: float) -> float:
+        """Publish what is due at so many ns of drive time since the first sample."""
+        self._reached = elapsed
         while self._position < len(self._samples):
             sample, due = self._samples[self._position], self._times[self._position]
             if due > elapsed:
@@ -191,6 +197,7 @@ class PlayerNode(Node):
 
     def _rewind(self, now: float) -> None:
         self._position, self._clock_wall, self._last_clock = 0, now, -STEP_NS
+        self._reached = 0
 
     def _send(self, sample: Sample) -> None:
         self._position += 1
@@ -247,6 +254,8 @@ class PlayerNode(Node):
         response.success = False
         if not self._paused:
             response.message = "is not paused; call pause first"
+        elif self.started is None:
+            response.message = "has not begun: the nodes are not ready"
         elif self.done:
             response.message = "is at the end"
         elif self._waiting:
@@ -255,9 +264,13 @@ class PlayerNode(Node):
             if self._lockstep is not None:
                 self._pump_lockstep(self._lockstep, self._pause_wall)
             else:
-                played = self._times[self._position - 1] if self._position else 0
-                due = (played // STEP_NS + 1) * STEP_NS
-                self._clock_wall = self._pause_wall - due * 1e-9 / self._options.rate
-                self._pump_free(self._pause_wall)
-            response.success, response.message = True, f"at {self.played:.2f} s of drive time"
+                self._step_free()
+            at = max(self.played, self._reached * 1e-9)
+            response.success, response.message = True, f"at {at:.2f} s of drive time"
         return response
+
+    def _step_free(self) -> None:
+        """Put the pause at the next whole step of drive time, and play what is due until then."""
+        due = (self._reached // STEP_NS + 1) * STEP_NS
+        self._clock_wall = self._pause_wall - due * 1e-9 / self._options.rate
+        self._play_to(due, self._pause_wall)
