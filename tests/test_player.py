@@ -10,6 +10,7 @@ import pytest
 from std_srvs.srv import Trigger
 from test_live_equals_offline import drive
 
+from lfd_diagnosis.decision_node import DecisionNode
 from lfd_mpc.errors import UserError
 from lfd_mpc.horizon import Mpc
 from lfd_mpc.sampling import Sampler
@@ -112,6 +113,25 @@ def test_lockstep_begins_again_at_the_end_of_a_loop() -> None:
             graph.executor.spin_once(timeout_sec=min(player.pump(), 0.02))
             assert not player.done and time.monotonic() < deadline
         assert before > 0.45
+
+
+def test_lockstep_heeds_only_receipts_of_what_it_sent() -> None:
+    """Decisions are confirmed, too, and the newest receipts of a drive before are latched."""
+    with Graph() as graph:
+        driving = [*REPLAY_ARGUMENTS, "-p", "mpc_node:driving:=true"]
+        graph.add_graph(driving)
+        graph.add(DecisionNode(context=graph.context, cli_args=driving))
+        for _ in range(2):
+            graph.play(drive(0.5), 0.0, [*GRAPH_NODES, "decision_node"])
+            graph.remove(graph.nodes[-1])
+
+
+def test_lockstep_without_receipts_is_refused_at_once() -> None:
+    with Graph() as graph:
+        graph.add_graph([*REPLAY_ARGUMENTS, "-p", "mpc_node:receipts:=false"])
+        player = PlayerNode(drive(0.5), PlayOptions(rate=0.0), GRAPH_NODES, graph.context)
+        with pytest.raises(UserError, match="mpc/received.*lockstep.yaml"):
+            pump_until(graph, graph.add(player), lambda: player.done, "never")
 
 
 def test_lockstep_notices_a_sample_that_was_not_used() -> None:

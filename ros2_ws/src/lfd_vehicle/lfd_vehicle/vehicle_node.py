@@ -106,7 +106,9 @@ class VehicleNode(Node):
         self.create_subscription(String, READY_TOPIC, self._on_ready, READY_QOS)
         self._commanded = -1
         self._lockstep = (
-            Lockstep(self, LOOP_ANSWERS, 1, self._on_timer) if settings.rate == 0.0 else None
+            Lockstep(self, LOOP_ANSWERS, ("decision",), self._on_timer)
+            if settings.rate == 0.0
+            else None
         )
         steady = RosClock(clock_type=ClockType.STEADY_TIME)
         period = 0.1 if self._lockstep is not None else STEP_S / settings.rate
