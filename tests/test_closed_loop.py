@@ -62,8 +62,9 @@ def lived(graph: Graph, profile: str, lead: str, fault: str) -> RecorderNode:
             parameter_overrides=[rclpy.Parameter(n, value=v) for n, v in given.items()],
         )
     )
-    graph.spin_until(lambda: vehicle.done or vehicle.error, "it ends", 120.0)
-    assert vehicle.error is None, vehicle.error
+    assert vehicle.status is None
+    graph.spin_until(lambda: vehicle.status is not None, "it ends", 120.0)
+    assert vehicle.status == 0, vehicle.error
     graph.spin_until(
         lambda: recorder.count("diagnosis/decision") == recorder.count("mpc/driving"), "all came"
     )
@@ -139,6 +140,7 @@ def test_a_lost_graph_is_a_clear_error_in_lockstep(monkeypatch) -> None:
         vehicle = graph.add(VehicleNode(graph.context, parameter_overrides=overrides))
         graph.spin_until(lambda: vehicle.error is not None, "it gives up")
         assert "diagnosis_node, mpc_node, observer_node" in str(vehicle.error)
+        assert vehicle.status == 2
 
 
 @pytest.mark.parametrize(

@@ -233,7 +233,10 @@ class ByItself(Node):
         super().__init__("wrong")
         raise RuntimeError("a mistake of its own")
 
-sys.exit(run_node(lambda: {kind}, []))
+class Over(Running):
+    status = 3
+
+sys.exit(run_node(lambda: {kind}, [], lambda node: getattr(node, "status", None)))
 """
 
 
@@ -300,6 +303,11 @@ def test_a_node_that_the_middleware_does_not_let_go_ends_in_time(name: str) -> N
     done = ended(process)
     assert LEAVING - 0.1 < time.monotonic() - told < 5.0
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_node_that_ends_by_itself_ends_its_process_with_its_status() -> None:
+    done = stopped("SIGINT", "Over")
+    assert (done.returncode, done.stderr) == (3, "")
 
 
 def test_a_mistake_of_a_nodes_own_is_no_peaceful_end() -> None:

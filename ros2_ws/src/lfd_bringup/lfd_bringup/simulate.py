@@ -137,8 +137,8 @@ def main_simulate(arguments: list[str]) -> int:
                 print(vehicle.error, file=sys.stderr)
             with interruptible():
                 _leave(options.out, lead_text, recorder, faults, console)
-            if vehicle.error is not None:
-                return 2 if isinstance(vehicle.error, UserError) else 1
+            if vehicle.status:
+                return vehicle.status
         finally:
             executor.shutdown()
             for node in nodes:
@@ -159,7 +159,7 @@ def _run_to_the_end(
             *columns, console=console, transient=True, disable=not console.is_terminal
         ) as progress:
             task = progress.add_task("simulate", total=vehicle.total)
-            while not vehicle.done and vehicle.error is None:
+            while vehicle.status is None:
                 deliver(executor, 0.1)
                 progress.update(task, completed=vehicle.world.stamp * 1e-9)
         drain(executor, recorder)

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
+from typing import TypeVar
 
 import rclpy
 from rclpy.context import Context
@@ -26,6 +27,8 @@ from rclpy.utilities import remove_ros_args
 from lfd_mpc.collector import without_collector
 from lfd_mpc.deadline import Deadline
 from lfd_mpc.errors import UserError
+
+NodeType = TypeVar("NodeType", bound=Node)
 
 LEAVING = 2.0
 """Seconds within which a node that was told to end has left ROS; it takes 0.15 s.
@@ -228,10 +231,15 @@ def joined(args: list[str] | None, leaves_within: float | None = None) -> Iterat
             first.destroy_node()
 
 
-def run_node(load: Callable[[], Callable[[], Node]], args: list[str] | None = None) -> int:
+def run_node(
+    load: Callable[[], Callable[[], NodeType]],
+    args: list[str] | None = None,
+    status: Callable[[NodeType], int | None] = lambda node: None,
+) -> int:
     """Spin one node until it is told to stop; returns the exit status.
 
-    `load` gives its class, and may import it only then.
+    `load` gives its class, and may import it only then; `status` that of a node which ends by
+    itself, None while it goes on.
     """
     args = sys.argv[1:] if args is None else args
     if {"-h", "--help"} & set(args):
@@ -241,7 +249,7 @@ def run_node(load: Callable[[], Callable[[], Node]], args: list[str] | None = No
     try:
         _refuse_further(args)
         with joined(args, LEAVING):
-            _spin(load)
+            return _spin(load, status)
     except UserError as error:
         print(error, file=sys.stderr)
         return 2
@@ -258,7 +266,7 @@ def _refuse_further(args: list[str]) -> None:
         raise UserError(f"{program}: unknown: {' '.join(further)}; expected: {ROS_ARGUMENTS}")
 
 
-def _made(load: Callable[[], Callable[[], Node]]) -> Node:
+def _made(load: Callable[[], Callable[[], NodeType]]) -> NodeType:
     """Raises KeyboardInterrupt if told to end meanwhile, whatever was made of that."""
     try:
         return load()()
@@ -269,18 +277,21 @@ def _made(load: Callable[[], Callable[[], Node]]) -> Node:
         raise
 
 
-def _spin(load: Callable[[], Callable[[], Node]]) -> None:
-    """Returns when told to stop, and leaves nothing of ROS behind."""
+def _spin(
+    load: Callable[[], Callable[[], NodeType]], status: Callable[[NodeType], int | None]
+) -> int:
+    """Returns when told to stop or when there is a status, and leaves nothing of ROS behind."""
     try:
         with without_collector(stays=True):
             node = _made(load)
         try:
             executor = make_executor()
             executor.add_node(node)
-            while True:
+            while (ended := status(node)) is None:
                 deliver(executor, 0.1)
+            return ended
         finally:
             node.destroy_node()
     except KeyboardInterrupt:
         # Here, and no later: it holds the executor.
-        pass
+        return 0

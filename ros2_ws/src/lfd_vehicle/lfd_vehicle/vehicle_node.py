@@ -2,7 +2,7 @@
 
 Give `lead` (a generated drive's lead, a drive, or steps such as 20,-3@10-14) and `faults`
 (`KIND:SIGNAL=VALUE@START-END`, several separated by ;) as parameters. `lead/acceleration`
-(std_msgs/Float64, m/s^2) steers the lead live.
+(std_msgs/Float64, m/s^2) steers the lead live. It ends with the run.
 """
 
 import sys
@@ -115,6 +115,13 @@ class VehicleNode(Node):
         self._timer = self.create_timer(period, self._on_timer, clock=steady)
         ReadyAnnouncer(self, ["mpc/command"])
 
+    @property
+    def status(self) -> int | None:
+        """Exit status of a run that is over: 2 for a mistake of the user's, 1 for another error."""
+        if self.error is not None:
+            return 2 if isinstance(self.error, UserError) else 1
+        return 0 if self.done else None
+
     def _on_ready(self, message: String) -> None:
         self._missing.discard(message.data.rsplit("/", 1)[-1])
 
@@ -213,7 +220,7 @@ class VehicleNode(Node):
 
 def main() -> int:
     """Entry point of `lfd_vehicle vehicle_node`."""
-    return run_node(lambda: VehicleNode)
+    return run_node(lambda: VehicleNode, status=lambda node: node.status)
 
 
 if __name__ == "__main__":
