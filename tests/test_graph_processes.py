@@ -126,7 +126,7 @@ def test_replay_leaves_bag_report_and_timeline(drive_file: Path, tmp_path: Path)
             assert logged == stamp.sec * 1_000_000_000 + stamp.nanosec
     steps = len(offline(drive(3.0))["mpc/horizon"])
     assert counts["/mpc/horizon"] == counts["/diagnosis/faults"] == steps
-    assert counts["/radar/target"] == 60
+    assert counts["/radar/target"] == 60 and counts["/v2v/lead_acceleration"] == 30
 
 
 RADAR_QOS = "qos_overrides./radar/target.subscription"
