@@ -23,6 +23,7 @@ from rich.table import Table
 
 from lfd_diagnosis.verdict import Report, State
 from lfd_mpc.errors import UserError
+from lfd_mpc.settings import STEP_S
 from lfd_replay.drawing.figure_page import table_html, write_page
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
@@ -100,7 +101,7 @@ def run_case(case: Case) -> dict[str, Any]:
         "heeded": case.heeded,
         "seed": case.seed,
         "prediction": case.prediction,
-        "duration_s": len(steps) * 0.01,
+        "duration_s": len(steps) * STEP_S,
         **safety.figures(),
     }
     if not diagnosed:

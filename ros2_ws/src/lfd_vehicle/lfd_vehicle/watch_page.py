@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from lfd_diagnosis.verdict import State
 from lfd_mpc.decision import Action, FaultLevel
 from lfd_mpc.driving import Source
 from lfd_mpc.errors import UserError
@@ -17,8 +18,6 @@ from lfd_replay.text_file import write_text
 
 STRIDE = 5
 """Steps between two moments of the page: 20 a second."""
-
-STATES = ("NOT_READY", "OK", "SUSPECT", "FAULT", "NO_DATA", "NO_TARGET")
 
 TOPICS = (
     "vehicle/truth",
@@ -73,7 +72,7 @@ def _read(bag: Path) -> dict[str, Any]:
     time = np.array([_seconds(m) for m in truth])
     run: dict[str, Any] = {
         "time": _rounded(time),
-        "states": STATES,
+        "states": [state.name for state in State],
         "levels": [level.name for level in FaultLevel],
         "actions": [action.name for action in Action],
         "sources": [source.name for source in Source],
