@@ -134,7 +134,7 @@ def _drive_without(graph: Graph, controller: subprocess.Popen) -> None:
 
 
 def test_a_lost_graph_is_a_clear_error_in_lockstep(monkeypatch) -> None:
-    monkeypatch.setattr("lfd_vehicle.vehicle_node.READY_DEADLINE", 0.2)
+    monkeypatch.setattr("lfd_mpc.node_support.READY_DEADLINE", 0.2)
     with Graph() as graph:
         overrides = [rclpy.Parameter("rate", value=0.0)]
         vehicle = graph.add(VehicleNode(graph.context, parameter_overrides=overrides))

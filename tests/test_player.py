@@ -157,7 +157,7 @@ def test_lockstep_without_an_answer_is_an_error_that_says_what_is_owed(monkeypat
 
 
 def test_nodes_that_do_not_come_are_named(monkeypatch) -> None:
-    monkeypatch.setattr("lfd_replay.player.READY_DEADLINE", 0.2)
+    monkeypatch.setattr("lfd_mpc.node_support.READY_DEADLINE", 0.2)
     with Graph() as graph:
         player = graph.add(PlayerNode(drive(1.0), PlayOptions(), ["mpc_node"], graph.context))
         with pytest.raises(UserError, match="mpc_node to be ready"):

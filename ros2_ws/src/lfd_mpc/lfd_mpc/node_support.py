@@ -1,6 +1,7 @@
 """What every node of the graph does alike: parameters from settings, readiness, health."""
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -25,6 +26,9 @@ from lfd_mpc.settings import Settings, is_fixed, settings_error
 READY_TOPIC = "ready"
 READY_QOS = QoSProfile(depth=20, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Every node says its own full name here, once, when it hears its publishers (latched)."""
+
+READY_DEADLINE = 30.0
+"""Seconds of wall time that nodes have to become ready for who waits for them."""
 
 PIPELINE_QOS = QoSProfile(depth=1000)
 """Between nodes: reliable, deep enough for a burst of steps."""
@@ -207,3 +211,29 @@ class ReadyAnnouncer:
         self._ticks += 1
         if self._ticks % 500 == 100:
             self._node.get_logger().info(f"waiting for a publisher on {', '.join(missing)}")
+
+
+class AwaitedNodes:
+    """Nodes that must have said that they are ready before another one begins."""
+
+    def __init__(self, node: Node, names: Iterable[str]) -> None:
+        """`names`: of the nodes that `node` waits for."""
+        self._missing = set(names)
+        self._begun = time.monotonic()
+        node.create_subscription(String, READY_TOPIC, self._on_ready, READY_QOS)
+
+    @property
+    def missing(self) -> list[str]:
+        """Those that have not said it."""
+        return sorted(self._missing)
+
+    def check(self, further: str = "") -> None:
+        """Raises UserError when the deadline has passed; `further`: what is missing beside them."""
+        if time.monotonic() - self._begun > READY_DEADLINE:
+            raise UserError(
+                f"waited {READY_DEADLINE:.0f} s for {', '.join(self.missing) or further} to be "
+                "ready: are they running, in the same ROS_DOMAIN_ID?"
+            )
+
+    def _on_ready(self, message: String) -> None:
+        self._missing.discard(message.data.rsplit("/", 1)[-1])

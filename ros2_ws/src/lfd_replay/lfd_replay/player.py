@@ -8,12 +8,11 @@ from math import inf
 from rclpy.context import Context
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.messages import set_time
-from lfd_mpc.node_support import PIPELINE_QOS, READY_QOS, READY_TOPIC
+from lfd_mpc.node_support import PIPELINE_QOS, AwaitedNodes
 from lfd_mpc.samples import Sample
 from lfd_mpc.settings import STEP_NS
 from lfd_replay.drive import Drive, playing_times
@@ -22,9 +21,6 @@ from lfd_replay.lockstep import ANSWERS, Lockstep
 from lfd_replay.sample_publishers import SamplePublishers
 
 GRAPH_NODES = ("mpc_node", "observer_node", "diagnosis_node")
-
-READY_DEADLINE = 30.0
-"""Seconds of wall time that the nodes have to become ready."""
 
 SETTLE = 0.5
 """Seconds after which other graphs in the same domain have been discovered."""
@@ -86,9 +82,8 @@ class PlayerNode(Node):
         self._times = playing_times(samples)
         self._options = options
         self._position = 0
-        self._missing = set(wait_for)
-        self._created = time.monotonic()
-        self._joined = self._created if joined is None else joined
+        self._awaited = AwaitedNodes(self, wait_for)
+        self._joined = time.monotonic() if joined is None else joined
         self.started: float | None = None
         """`time.monotonic()` at the first sample."""
         self._paused = False
@@ -100,7 +95,6 @@ class PlayerNode(Node):
         self._clock = self.create_publisher(Clock, "/clock", 10)
         self._now = Clock()
         self._outputs = SamplePublishers(self, PIPELINE_QOS)
-        self.create_subscription(String, READY_TOPIC, self._on_ready, READY_QOS)
         self.create_service(Trigger, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/resume", self._on_resume)
         self.create_service(Trigger, "~/step", self._on_step)
@@ -114,7 +108,7 @@ class PlayerNode(Node):
     @property
     def waiting_for(self) -> list[str]:
         """Nodes that have not said that they are ready."""
-        return sorted(self._missing)
+        return self._awaited.missing
 
     @property
     def done(self) -> bool:
@@ -141,12 +135,8 @@ class PlayerNode(Node):
         Raises UserError when the nodes do not become ready, LockstepError when a step fails.
         """
         now = time.monotonic()
-        if self._missing:
-            if now - self._created > READY_DEADLINE:
-                raise UserError(
-                    f"waited {READY_DEADLINE:.0f} s for {', '.join(self.waiting_for)} to be ready: "
-                    "are they running, in the same ROS_DOMAIN_ID?"
-                )
+        if self.waiting_for:
+            self._awaited.check()
             return HEARTBEAT
         if self.started is None:
             if now - self._joined < SETTLE:
@@ -218,9 +208,6 @@ class PlayerNode(Node):
         if now - self._last_beat >= HEARTBEAT and self._last_clock >= 0:
             self._last_beat = now
             self._publish_clock()
-
-    def _on_ready(self, message: String) -> None:
-        self._missing.discard(message.data.rsplit("/", 1)[-1])
 
     def _check_alone(self) -> None:
         """Two graphs in one domain would mix. Raises UserError where another one is there."""

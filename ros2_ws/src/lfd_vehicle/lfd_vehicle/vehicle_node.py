@@ -6,7 +6,6 @@ Give `lead` (a generated drive's lead, a drive, or steps such as 20,-3@10-14) an
 """
 
 import sys
-import time
 from dataclasses import dataclass
 
 from geometry_msgs.msg import AccelStamped
@@ -15,7 +14,7 @@ from rclpy.clock import ClockType
 from rclpy.context import Context
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Float64, String
+from std_msgs.msg import Float64
 from visualization_msgs.msg import MarkerArray
 
 from lfd_mpc.errors import UserError
@@ -23,8 +22,7 @@ from lfd_mpc.messages import from_time, to_message, to_time
 from lfd_mpc.node_process import run_node
 from lfd_mpc.node_support import (
     PIPELINE_QOS,
-    READY_QOS,
-    READY_TOPIC,
+    AwaitedNodes,
     ReadyAnnouncer,
     declare_settings,
 )
@@ -48,9 +46,6 @@ LOOP_ANSWERS = {
 """What lockstep waits for in the closed loop."""
 
 LOOP_NODES = ("mpc_node", "observer_node", "diagnosis_node", "decision_node")
-
-READY_DEADLINE = 30.0
-"""Seconds of wall time that the nodes have to become ready."""
 
 MARKER_STEPS = 5
 """Steps between two pictures."""
@@ -94,8 +89,7 @@ class VehicleNode(Node):
         self.error: Exception | None = None
         self.done = False
         self._waiting: list[Sample] = []
-        self._missing = set(wait_for)
-        self._begun = time.monotonic()
+        self._awaited = AwaitedNodes(self, wait_for)
         self._clock = self.create_publisher(Clock, "/clock", 10)
         self._truth = self.create_publisher(VehicleTruth, "vehicle/truth", PIPELINE_QOS)
         self._markers = self.create_publisher(MarkerArray, "vehicle/markers", 10)
@@ -103,7 +97,6 @@ class VehicleNode(Node):
         self._outputs = SamplePublishers(self, PIPELINE_QOS, inputs)
         self.create_subscription(AccelStamped, "mpc/command", self._on_command, PIPELINE_QOS)
         self.create_subscription(Float64, "lead/acceleration", self._on_lead, 10)
-        self.create_subscription(String, READY_TOPIC, self._on_ready, READY_QOS)
         self._commanded = -1
         self._lockstep = (
             Lockstep(self, LOOP_ANSWERS, ("decision",), self._on_timer)
@@ -121,9 +114,6 @@ class VehicleNode(Node):
         if self.error is not None:
             return 2 if isinstance(self.error, UserError) else 1
         return 0 if self.done else None
-
-    def _on_ready(self, message: String) -> None:
-        self._missing.discard(message.data.rsplit("/", 1)[-1])
 
     def _on_command(self, message: AccelStamped) -> None:
         try:
@@ -144,8 +134,8 @@ class VehicleNode(Node):
         if self.done or self.error is not None:
             return
         try:
-            if self._missing or (self.world.steps == 0 and not self._outputs.heard):
-                self._wait()
+            if self._awaited.missing or (self.world.steps == 0 and not self._outputs.heard):
+                self._awaited.check("someone to hear the sensors")
             elif self._lockstep is None:
                 self._advance()
             else:
@@ -153,14 +143,6 @@ class VehicleNode(Node):
         except (UserError, LockstepError, DivergenceError) as error:
             self.error = error
             self.get_logger().error(str(error))
-
-    def _wait(self) -> None:
-        if time.monotonic() - self._begun > READY_DEADLINE:
-            missing = ", ".join(sorted(self._missing)) or "someone to hear the sensors"
-            raise UserError(
-                f"waited {READY_DEADLINE:.0f} s for {missing} to be ready: are they running, in "
-                "the same ROS_DOMAIN_ID?"
-            )
 
     def _advance(self) -> None:
         for sample in self._now():
