@@ -26,8 +26,9 @@ from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import VERDICTS, State
 from lfd_mpc.controller import Controller
 from lfd_mpc.health import Level, StepHealth
-from lfd_mpc.mpc_node import INPUT_TOPICS, MpcNode
+from lfd_mpc.mpc_node import MpcNode
 from lfd_mpc.node_support import PIPELINE_QOS, READY_QOS
+from lfd_mpc.sensor_inputs import INPUT_TOPICS
 from lfd_mpc.settings import MpcSettings
 from lfd_msgs.msg import FaultReport, RadarTarget, SignalFault
 from lfd_msgs.srv import InjectFault

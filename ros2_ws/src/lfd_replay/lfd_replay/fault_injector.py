@@ -16,10 +16,10 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.mpc_node import INPUT_TOPICS, SENSOR_OVERRIDES, sensor_qos
 from lfd_mpc.node_process import run_node
 from lfd_mpc.node_support import PIPELINE_QOS, declare_settings
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RadarSample, Sample
+from lfd_mpc.sensor_inputs import INPUT_TOPICS, SENSOR_OVERRIDES, sensor_qos
 from lfd_msgs.srv import InjectFault
 from lfd_replay.adapter_settings import InjectorSettings
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
