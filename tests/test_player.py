@@ -10,15 +10,18 @@ import pytest
 from std_srvs.srv import Trigger
 from test_live_equals_offline import drive
 
+from lfd_bringup.replay import main_replay
 from lfd_diagnosis.decision_node import DecisionNode
 from lfd_mpc.errors import UserError
 from lfd_mpc.horizon import Mpc
+from lfd_mpc.node_process import joined
 from lfd_mpc.sampling import Sampler
 from lfd_mpc.settings import MpcSettings
 from lfd_replay.drive import Drive
+from lfd_replay.drive_bag import write_drive
 from lfd_replay.lockstep import LockstepError, horizon_difference
 from lfd_replay.player import GRAPH_NODES, PlayerNode, PlayOptions, samples_to_play
-from ros_support import REPLAY_ARGUMENTS, Graph
+from ros_support import REPLAY_ARGUMENTS, Graph, next_domain
 
 pytestmark = pytest.mark.alone
 
@@ -154,6 +157,20 @@ def test_lockstep_without_an_answer_is_an_error_that_says_what_is_owed(monkeypat
         player = graph.add(PlayerNode(drive(1.0), PlayOptions(rate=0.0), [], graph.context))
         with pytest.raises(LockstepError, match="mpc/received"):
             pump_until(graph, player, lambda: player.done, "never")
+
+
+def test_a_step_that_fails_loses_nothing_of_a_replay(monkeypatch, tmp_path: Path) -> None:
+    def failing(*_) -> float:
+        raise LockstepError("lockstep: step at 0.50 s: the controller answered for another")
+
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(next_domain()))
+    monkeypatch.setattr("lfd_bringup.replay.play", failing)
+    write_drive(make_drive(), tmp_path / "short.mcap")
+    out = tmp_path / "out"
+    with joined([]) as since:
+        arguments = ["--drive", str(tmp_path / "short.mcap"), "--out", str(out)]
+        assert main_replay(arguments, since) == 1
+    assert {path.name for path in out.iterdir()} == {"bag", "report.html", "summary.json"}
 
 
 def test_nodes_that_do_not_come_are_named(monkeypatch) -> None:

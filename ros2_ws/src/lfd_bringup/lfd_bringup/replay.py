@@ -127,33 +127,36 @@ def main_replay(arguments: list[str], joined: float) -> int:
         nodes += [recorder, *graph_nodes(options.profile), player]
         for node in nodes:
             executor.add_node(node)
-        wall = _play_to_the_end(player, executor, recorder, console)
+        wall, status = _play_to_the_end(player, executor, recorder, console)
         if wall is not None:
             speed = player.total / wall
             console.print(f"played {player.total:.1f} s in {wall:.1f} s ({speed:.1f} x real time)")
         with interruptible():
             _leave(options.out, drive, faults, recorder, console)
-    except LockstepError as error:
-        print(error, file=sys.stderr)
-        return 1
     finally:
         executor.shutdown()
         for node in nodes:
             node.destroy_node()
-    return INTERRUPTED if wall is None else 0
+    return status
 
 
 def _play_to_the_end(
     player: PlayerNode, executor: Executor, recorder: RecorderNode, console: Console
-) -> float | None:
-    """Seconds that playing took; None if interrupted: what was recorded until then is not lost."""
+) -> tuple[float | None, int]:
+    """Seconds that playing took, and the exit status.
+
+    None if it was interrupted or a step failed: what was recorded until then is not lost.
+    """
     try:
         wall = play(player, executor, console)
         drain(executor, recorder)
     except KeyboardInterrupt:
         print("interrupted: what was recorded until now is written", file=sys.stderr)
-        return None
-    return wall
+        return None, INTERRUPTED
+    except LockstepError as error:
+        print(error, file=sys.stderr)
+        return None, 1
+    return wall, 0
 
 
 def drain(executor: Executor, recorder: RecorderNode) -> None:
@@ -188,9 +191,9 @@ def _leave(
     # What draws is loaded when there is something to draw, not before the first report.
     from lfd_replay.report import write_report
 
+    write_bag(recorder, out / "bag")
     steps = recorder.steps()
     sensors = score(timeline((step.report for step in steps), drive.zero), faults)
-    write_bag(recorder, out / "bag")
     write_text(out / "summary.json", json.dumps(sensors, indent=1) + "\n")
     report = write_report(out, drive.name, steps, drive.zero, faults, sensors)
     print_table(result_table(sensors, f"{len(steps)} steps"))
