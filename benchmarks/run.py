@@ -24,6 +24,10 @@ from measure import Figure
 from rich.console import Console
 from rich.table import Table
 
+from lfd_mpc.errors import UserError
+from lfd_replay.errors import run_command
+from lfd_replay.paths import make_folder
+
 ROOT = Path(__file__).resolve().parent.parent
 RECORDED = ROOT.parent / "shared/data/comma2k19_rav4_seg40_lead.csv"
 
@@ -61,21 +65,21 @@ def table(figures: list[Figure]) -> Table:
     return made
 
 
-def main() -> int:
-    """Measure, print and write."""
+def main(arguments: list[str]) -> int:
+    """Measure, print and write. Raises UserError."""
     parser = argparse.ArgumentParser(prog="bench", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out/bench"))
     parser.add_argument("--full", action="store_true", help="an hour and more")
     parser.add_argument("--only", action="append", metavar="PART", help="one part; may be repeated")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     figures: list[Figure] = []
     console = Console(width=160)
     with tempfile.TemporaryDirectory() as work:
         chosen = parts(options.full, Path(work))
         unknown = set(options.only or ()) - set(chosen)
         if unknown:
-            print(f"--only {unknown.pop()}: there are: {', '.join(chosen)}", file=sys.stderr)
-            return 2
+            raise UserError(f"--only {unknown.pop()}: there are: {', '.join(chosen)}")
+        make_folder(options.out)
         for name, measure in chosen.items():
             if options.only and name not in options.only:
                 continue
@@ -84,7 +88,6 @@ def main() -> int:
             figures += found
             console.print(table(found))
             print(f"{name}: {time.perf_counter() - started:.0f} s", flush=True)
-    options.out.mkdir(parents=True, exist_ok=True)
     summary = {
         "machine": f"{platform.machine()}, {os.cpu_count()} cores",
         "python": platform.python_version(),
@@ -100,4 +103,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_command(main))

@@ -68,6 +68,11 @@ class Graph:
         self.executor.add_node(node)
         return node
 
+    def remove(self, node) -> None:
+        self.nodes.remove(node)
+        self.executor.remove_node(node)
+        node.destroy_node()
+
     def add_graph(self, arguments: list[str] | None = None) -> None:
         """The three nodes."""
         for kind in (MpcNode, ObserverNode, DiagnosisNode):

@@ -34,7 +34,6 @@ from test_live_equals_offline import drive
 from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.verdict import State
 from lfd_mpc.messages import from_time, to_time
-from lfd_mpc.mpc_node import INPUT_TOPICS
 from lfd_mpc.node_support import PIPELINE_QOS, READY_QOS
 from lfd_mpc.samples import (
     ACCELERATION,
@@ -44,6 +43,7 @@ from lfd_mpc.samples import (
     ScalarSample,
     playing_order,
 )
+from lfd_mpc.sensor_inputs import INPUT_TOPICS
 from lfd_msgs.msg import (
     FaultReport,
     ObserverBank,

@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from std_msgs.msg import Float64
 from test_nodes import Subscriber
 
 from lfd_bringup.recorder import LOOP_TOPICS, RecorderNode
+from lfd_bringup.replay import INTERRUPTED, write_bag
 from lfd_diagnosis.decision_node import DecisionNode
 from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.verdict import Report
@@ -26,7 +28,14 @@ from lfd_observer.observer_node import ObserverNode
 from lfd_replay.faults import parse_faults
 from lfd_replay.profiles import graph_settings
 from lfd_vehicle.closed_loop import ClosedLoop
-from lfd_vehicle.closed_loop_evaluation import Case, case_rows, goals, leave, run_case
+from lfd_vehicle.closed_loop_evaluation import (
+    Case,
+    case_rows,
+    goals,
+    leave,
+    main_closed_loop,
+    run_case,
+)
 from lfd_vehicle.lead import lead_motion
 from lfd_vehicle.scenarios import FAULTS, MUST_COLLIDE, SITUATIONS, Situation, timed
 from lfd_vehicle.settings import VehicleSettings
@@ -53,8 +62,9 @@ def lived(graph: Graph, profile: str, lead: str, fault: str) -> RecorderNode:
             parameter_overrides=[rclpy.Parameter(n, value=v) for n, v in given.items()],
         )
     )
-    graph.spin_until(lambda: vehicle.done or vehicle.error, "it ends", 120.0)
-    assert vehicle.error is None, vehicle.error
+    assert vehicle.status is None
+    graph.spin_until(lambda: vehicle.status is not None, "it ends", 120.0)
+    assert vehicle.status == 0, vehicle.error
     graph.spin_until(
         lambda: recorder.count("diagnosis/decision") == recorder.count("mpc/driving"), "all came"
     )
@@ -124,12 +134,13 @@ def _drive_without(graph: Graph, controller: subprocess.Popen) -> None:
 
 
 def test_a_lost_graph_is_a_clear_error_in_lockstep(monkeypatch) -> None:
-    monkeypatch.setattr("lfd_vehicle.vehicle_node.READY_DEADLINE", 0.2)
+    monkeypatch.setattr("lfd_mpc.node_support.READY_DEADLINE", 0.2)
     with Graph() as graph:
         overrides = [rclpy.Parameter("rate", value=0.0)]
         vehicle = graph.add(VehicleNode(graph.context, parameter_overrides=overrides))
         graph.spin_until(lambda: vehicle.error is not None, "it gives up")
         assert "diagnosis_node, mpc_node, observer_node" in str(vehicle.error)
+        assert vehicle.status == 2
 
 
 @pytest.mark.parametrize(
@@ -140,6 +151,14 @@ def test_a_lost_graph_is_a_clear_error_in_lockstep(monkeypatch) -> None:
 def test_wrong_parameters_of_the_vehicle_are_refused(name: str, value, named: str) -> None:
     with Graph() as graph, pytest.raises(UserError, match=named):
         VehicleNode(graph.context, parameter_overrides=[rclpy.Parameter(name, value=value)])
+
+
+def test_a_lead_and_a_rate_may_be_whole_numbers() -> None:
+    overrides = [rclpy.Parameter("lead", value=20), rclpy.Parameter("rate", value=1)]
+    with Graph() as graph:
+        vehicle = graph.add(VehicleNode(graph.context, parameter_overrides=overrides))
+        assert vehicle.world.lead.speed == 20.0
+        assert vehicle.get_parameter("rate").value == 1.0
 
 
 # --- does it help?
@@ -212,6 +231,39 @@ def test_wrong_arguments_are_one_line_and_status_2(arguments, named, tmp_path) -
     done = simulate(*arguments, "--out", str(tmp_path))
     assert done.returncode == 2 and named in done.stderr.strip().splitlines()[-1]
     assert "Traceback" not in done.stderr and not (tmp_path / "bag").exists()
+
+
+def test_a_run_of_less_than_a_second_leaves_its_bag_and_figures(tmp_path) -> None:
+    process = subprocess.Popen(
+        [ROOT / "run", "lfd_bringup", "simulate", "--lead", "20", "--rate", "0.5"]
+        + ["--out", tmp_path],
+        env={**os.environ, "ROS_DOMAIN_ID": str(next_domain())},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    with process:
+        while "NOT_READY -> OK" not in process.stdout.readline():
+            assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=60)
+    assert process.returncode == INTERRUPTED and "interrupted: what was recorded" in errors
+    assert "Traceback" not in errors and "bag:" in output and (tmp_path / "bag").is_dir()
+    assert json.loads((tmp_path / "summary.json").read_text())["safety"]["largest_jerk"] == 0.0
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_anything_is_run(monkeypatch) -> None:
+    monkeypatch.setattr("lfd_vehicle.closed_loop_evaluation.run_all", None)
+    with pytest.raises(UserError, match="--out /proc: cannot be made or written"):
+        main_closed_loop(["--out", "/proc"])
+
+
+def test_a_bag_that_cannot_be_replaced_is_one_line(tmp_path) -> None:
+    (tmp_path / "bag").write_text("a file, no folder")
+    with Graph() as graph, pytest.raises(UserError, match="bag: cannot be written"):
+        write_bag(graph.add(RecorderNode(lambda _: None, graph.context)), tmp_path / "bag")
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from lfd_diagnosis.verdict import State
+from lfd_mpc.errors import UserError
 from lfd_replay.calibrate import main_calibrate
 from lfd_replay.check_requirements import main_check
 from lfd_replay.drawing.paper_figures import detector_curves
@@ -225,6 +226,8 @@ def test_a_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
     assert Journal(file).results == {"a": 2, "b": 4, "c": 6}
     file.write_text(file.read_text().replace('{"code": "', '{"code": "0'))
     assert Journal(file).results == {}, "results of other code do not count"
+    with pytest.raises(UserError, match="cannot be kept there"):
+        Journal(file / "journal")
 
 
 def test_workers_end_with_a_run_that_is_killed() -> None:

@@ -13,7 +13,8 @@ from rosbags.highlevel import AnyReader
 from test_live_equals_offline import drive
 
 from lfd_bringup.recorder import RecorderNode
-from lfd_mpc.node_process import LEAVING
+from lfd_mpc.errors import UserError
+from lfd_mpc.node_process import LEAVING, ros_started
 from lfd_replay.drive import Drive
 from lfd_replay.drive_bag import write_drive
 from lfd_replay.faults import FaultInjector, parse_faults
@@ -125,7 +126,10 @@ def test_replay_leaves_bag_report_and_timeline(drive_file: Path, tmp_path: Path)
             assert logged == stamp.sec * 1_000_000_000 + stamp.nanosec
     steps = len(offline(drive(3.0))["mpc/horizon"])
     assert counts["/mpc/horizon"] == counts["/diagnosis/faults"] == steps
-    assert counts["/radar/target"] == 60
+    assert counts["/radar/target"] == 60 and counts["/v2v/lead_acceleration"] == 30
+
+
+RADAR_QOS = "qos_overrides./radar/target.subscription"
 
 
 @pytest.mark.parametrize(
@@ -138,8 +142,18 @@ def test_replay_leaves_bag_report_and_timeline(drive_file: Path, tmp_path: Path)
         (["lfd_bringup", "replay", "--drive", "nowhere.csv"], "nowhere.csv"),
         (["lfd_bringup", "replay", "--profile", "magic"], "magic"),
         (["lfd_bringup", "replay", "--drive", "{drive}", "--out", "{drive}/x"], "cannot be made"),
+        (["lfd_bringup", "replay", "--drive", "{drive}", "--out", "/proc"], "or written"),
         (["lfd_bringup", "replay", "--drive", "{drive}", "--fault", "offset:radar=1@1-2"], "radar"),
         (["lfd_mpc", "mpc_node", "--ros-args", "-p", "solver:=magic"], "magic"),
+        (["lfd_mpc", "mpc_node", "solver"], "--ros-args -p NAME:=VALUE"),
+        (["lfd_mpc", "mpc_node", "--ros-args", "--params-file", "nowhere.yaml"], "nowhere.yaml"),
+        (["lfd_mpc", "mpc_node", "--ros-args", "-p", "solver"], "-p NAME:=VALUE"),
+        (["lfd_mpc", "mpc_node", "--ros-args", "-p", "use_sim_time:=soon"], "use_sim_time"),
+        (["lfd_mpc", "mpc_node", "--ros-args", "-p", f"{RADAR_QOS}.reliability:=x"], "best_effort"),
+        (["lfd_mpc", "mpc_node", "--ros-args", "-p", f"{RADAR_QOS}.depth:=-1"], "0 or more"),
+        (["lfd_diagnosis", "diagnosis_node", "--ros-args", "-p", "markers:=3"], "markers"),
+        (["lfd_bringup", "replay", "--ros-args", "--params-file", "nowhere.yaml"], "nowhere.yaml"),
+        (["lfd_replay", "bag_player", "{drive}", "--ros-args", "-p", "x"], "-p NAME:=VALUE"),
         (["lfd_mpc", "mpc_nod"], "mpc_node"),
         (["lfd_mcp", "mpc_node"], "lfd_mpc"),
     ],
@@ -153,6 +167,13 @@ def test_a_mistake_ends_with_one_line_and_status_2(
     assert len(done.stderr.strip().splitlines()) == 1 and named in done.stderr
     assert "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("domain", ["soon", "233"])
+def test_a_domain_that_cannot_be_is_named(monkeypatch, domain: str) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", domain)
+    with pytest.raises(UserError, match=f"ROS_DOMAIN_ID.*{domain}.*0 to 232"), ros_started([]):
+        pass
 
 
 STOPPED = """
@@ -212,7 +233,10 @@ class ByItself(Node):
         super().__init__("wrong")
         raise RuntimeError("a mistake of its own")
 
-sys.exit(run_node(lambda: {kind}, []))
+class Over(Running):
+    status = 3
+
+sys.exit(run_node(lambda: {kind}, [], lambda node: getattr(node, "status", None)))
 """
 
 
@@ -279,6 +303,11 @@ def test_a_node_that_the_middleware_does_not_let_go_ends_in_time(name: str) -> N
     done = ended(process)
     assert LEAVING - 0.1 < time.monotonic() - told < 5.0
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_node_that_ends_by_itself_ends_its_process_with_its_status() -> None:
+    done = stopped("SIGINT", "Over")
+    assert (done.returncode, done.stderr) == (3, "")
 
 
 def test_a_mistake_of_a_nodes_own_is_no_peaceful_end() -> None:

@@ -435,15 +435,15 @@ def test_an_older_drive_is_replaced(tmp_path: Path) -> None:
     [
         (
             ["x"],
-            "make_drive: unknown drive 'x'; there are: "
+            "unknown drive 'x'; there are: "
             + ", ".join((*NAMES, "traffic-01 to traffic-99", "hilly-01 to hilly-66")),
         ),
         (
             ["data-1", "--sensor", "y"],
-            "make_drive: unknown sensor 'y'; there are: esr, coarse, gnss",
+            "unknown sensor 'y'; there are: esr, coarse, gnss",
         ),
-        (["braking", "--peak", "-9"], "make_drive: --peak -9: -8 to -0.5 m/s^2 expected"),
-        (["data-1", "--peak", "-3"], "make_drive: --peak belongs to 'braking', not to 'data-1'"),
+        (["braking", "--peak", "-9"], "peak -9: -8 to -0.5 m/s^2 expected"),
+        (["data-1", "--peak", "-3"], "a peak belongs to 'braking', not to 'data-1'"),
         (["data-1", "--seed", "-1"], "--seed -1: a whole number of 0 or more is expected"),
     ],
 )

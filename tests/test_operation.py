@@ -26,8 +26,9 @@ from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import VERDICTS, State
 from lfd_mpc.controller import Controller
 from lfd_mpc.health import Level, StepHealth
-from lfd_mpc.mpc_node import INPUT_TOPICS, MpcNode
+from lfd_mpc.mpc_node import MpcNode
 from lfd_mpc.node_support import PIPELINE_QOS, READY_QOS
+from lfd_mpc.sensor_inputs import INPUT_TOPICS
 from lfd_mpc.settings import MpcSettings
 from lfd_msgs.msg import FaultReport, RadarTarget, SignalFault
 from lfd_msgs.srv import InjectFault
@@ -226,9 +227,8 @@ def test_a_wrong_value_is_refused_while_running(graph, kind, name, value, named:
 def test_a_threshold_changed_while_running_holds_from_the_next_step_on(graph: Graph) -> None:
     recorder = graph.add(RecorderNode(lambda event: None, context=graph.context))
     graph.add_graph(REPLAY_ARGUMENTS)
-    player = graph.add(PlayerNode(drive(6.0), PlayOptions(rate=1.0), [], graph.context))
-    player_ready = ["mpc_node", "observer_node", "diagnosis_node"]
-    player._missing = set(player_ready)
+    options, nodes = PlayOptions(rate=1.0), ["mpc_node", "observer_node", "diagnosis_node"]
+    player = graph.add(PlayerNode(drive(6.0), options, nodes, graph.context))
     pump_until(graph, player, lambda: player.played > 2.0, "two seconds")
 
     def limits() -> set[float]:

@@ -1,6 +1,7 @@
 """The player: what is played when, pauses, loops, and what lockstep notices."""
 
 import runpy
+import time
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -9,14 +10,18 @@ import pytest
 from std_srvs.srv import Trigger
 from test_live_equals_offline import drive
 
+from lfd_bringup.replay import main_replay
+from lfd_diagnosis.decision_node import DecisionNode
 from lfd_mpc.errors import UserError
 from lfd_mpc.horizon import Mpc
+from lfd_mpc.node_process import joined
 from lfd_mpc.sampling import Sampler
 from lfd_mpc.settings import MpcSettings
 from lfd_replay.drive import Drive
+from lfd_replay.drive_bag import write_drive
 from lfd_replay.lockstep import LockstepError, horizon_difference
-from lfd_replay.player import PlayerNode, PlayOptions, samples_to_play
-from ros_support import Graph
+from lfd_replay.player import GRAPH_NODES, PlayerNode, PlayOptions, samples_to_play
+from ros_support import REPLAY_ARGUMENTS, Graph, next_domain
 
 pytestmark = pytest.mark.alone
 
@@ -88,6 +93,50 @@ def test_a_loop_begins_again() -> None:
         assert not player.done
 
 
+def test_steps_get_past_a_gap() -> None:
+    samples = [s for s in drive(0.2) if not 50_000_000 < s.stamp < 100_000_000]
+    with Graph() as graph:
+        player = graph.add(PlayerNode(samples, PlayOptions(), [], graph.context))
+        pump_until(graph, player, lambda: player.started is not None, "it has begun")
+        assert call(graph, player, "pause").success
+        said = [call(graph, player, "step").message for _ in range(25)]
+        assert "at 0.07 s of drive time" in said and "at 0.11 s of drive time" in said
+        assert player.done
+        assert call(graph, player, "step").message == "is at the end"
+
+
+def test_lockstep_begins_again_at_the_end_of_a_loop() -> None:
+    with Graph() as graph:
+        graph.add_graph(REPLAY_ARGUMENTS)
+        options = PlayOptions(rate=0.0, loop=True)
+        player = graph.add(PlayerNode(drive(0.5), options, GRAPH_NODES, graph.context))
+        before, deadline = 0.0, time.monotonic() + 15.0
+        while player.played >= before:
+            before = player.played
+            graph.executor.spin_once(timeout_sec=min(player.pump(), 0.02))
+            assert not player.done and time.monotonic() < deadline
+        assert before > 0.45
+
+
+def test_lockstep_heeds_only_receipts_of_what_it_sent() -> None:
+    """Decisions are confirmed, too, and the newest receipts of a drive before are latched."""
+    with Graph() as graph:
+        driving = [*REPLAY_ARGUMENTS, "-p", "mpc_node:driving:=true"]
+        graph.add_graph(driving)
+        graph.add(DecisionNode(context=graph.context, cli_args=driving))
+        for _ in range(2):
+            graph.play(drive(0.5), 0.0, [*GRAPH_NODES, "decision_node"])
+            graph.remove(graph.nodes[-1])
+
+
+def test_lockstep_without_receipts_is_refused_at_once() -> None:
+    with Graph() as graph:
+        graph.add_graph([*REPLAY_ARGUMENTS, "-p", "mpc_node:receipts:=false"])
+        player = PlayerNode(drive(0.5), PlayOptions(rate=0.0), GRAPH_NODES, graph.context)
+        with pytest.raises(UserError, match="mpc/received.*lockstep.yaml"):
+            pump_until(graph, graph.add(player), lambda: player.done, "never")
+
+
 def test_lockstep_notices_a_sample_that_was_not_used() -> None:
     samples = drive(1.0)
     mpc, sampler = Mpc(MpcSettings()), Sampler()
@@ -110,8 +159,22 @@ def test_lockstep_without_an_answer_is_an_error_that_says_what_is_owed(monkeypat
             pump_until(graph, player, lambda: player.done, "never")
 
 
+def test_a_step_that_fails_loses_nothing_of_a_replay(monkeypatch, tmp_path: Path) -> None:
+    def failing(*_) -> float:
+        raise LockstepError("lockstep: step at 0.50 s: the controller answered for another")
+
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(next_domain()))
+    monkeypatch.setattr("lfd_bringup.replay.play", failing)
+    write_drive(make_drive(), tmp_path / "short.mcap")
+    out = tmp_path / "out"
+    with joined([]) as since:
+        arguments = ["--drive", str(tmp_path / "short.mcap"), "--out", str(out)]
+        assert main_replay(arguments, since) == 1
+    assert {path.name for path in out.iterdir()} == {"bag", "report.html", "summary.json"}
+
+
 def test_nodes_that_do_not_come_are_named(monkeypatch) -> None:
-    monkeypatch.setattr("lfd_replay.player.READY_DEADLINE", 0.2)
+    monkeypatch.setattr("lfd_mpc.node_support.READY_DEADLINE", 0.2)
     with Graph() as graph:
         player = graph.add(PlayerNode(drive(1.0), PlayOptions(), ["mpc_node"], graph.context))
         with pytest.raises(UserError, match="mpc_node to be ready"):

@@ -1,10 +1,11 @@
 """Executables of this package that join ROS before what they compute with is imported."""
 
-from lfd_mpc.node_process import joined
+from lfd_mpc.node_process import joined, own_arguments
 from lfd_replay.errors import run_command
 
 
 def _replay(arguments: list[str]) -> int:
+    own_arguments("replay", arguments)
     with joined(arguments) as since:
         from lfd_bringup.replay import main_replay
 

@@ -29,7 +29,7 @@ from lfd_observer.bank import BankState
 from lfd_replay.drive_bag import write_what_fits
 from lfd_replay.recorded_step import RecordedStep
 
-TOPICS = {
+GRAPH_TOPICS = {
     "radar/target": RadarTarget,
     "vehicle/imu": Imu,
     "vehicle/twist": TwistStamped,
@@ -41,14 +41,16 @@ TOPICS = {
     "diagnosis/reconstructed": ReconstructedState,
 }
 
+TOPICS = {**GRAPH_TOPICS, "v2v/lead_acceleration": AccelStamped}
+"""What is recorded of a replay: all that the diagnosis rests on, and all that it says."""
 
 LOOP_TOPICS = {
-    **TOPICS,
+    **GRAPH_TOPICS,
     "diagnosis/decision": Decision,
     "mpc/driving": DrivingState,
     "vehicle/truth": VehicleTruth,
 }
-"""What is recorded of the closed loop."""
+"""What is recorded of the closed loop, where no lead says what it does."""
 
 
 class RecorderNode(Node):

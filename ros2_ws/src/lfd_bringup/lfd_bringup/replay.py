@@ -10,7 +10,6 @@ from pathlib import Path
 
 from rclpy.executors import Executor
 from rclpy.node import Node
-from rclpy.utilities import remove_ros_args
 from rich.console import Console
 from rich.text import Text
 
@@ -19,7 +18,7 @@ from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.verdict import Event, State
 from lfd_mpc.errors import UserError
 from lfd_mpc.mpc_node import MpcNode
-from lfd_mpc.node_process import deliver, interruptible, make_executor
+from lfd_mpc.node_process import deliver, interruptible, make_executor, own_arguments
 from lfd_observer.observer_node import ObserverNode
 from lfd_replay.bag_player import add_play_options, play, play_options
 from lfd_replay.command_line import add_drive_options, print_table, result_table, warn
@@ -27,7 +26,7 @@ from lfd_replay.drive import Drive
 from lfd_replay.drive_bag import replace_folder, write_drive
 from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.lockstep import LockstepError
-from lfd_replay.paths import share_folder
+from lfd_replay.paths import make_folder, share_folder
 from lfd_replay.player import GRAPH_NODES, PlayerNode, samples_to_play
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES
 from lfd_replay.read_drive import read_drive, read_options
@@ -84,14 +83,6 @@ def default_drive(out: Path) -> Path:
     return path
 
 
-def make_folder(out: Path) -> None:
-    """Where everything is left. Raises UserError where it cannot be made."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out {out}: cannot be made ({error.strerror})") from error
-
-
 def main_replay(arguments: list[str], joined: float) -> int:
     """The command line of `replay`; `joined`: `time.monotonic()` at which ROS was joined."""
     parser = argparse.ArgumentParser(prog="replay", description=__doc__)
@@ -104,7 +95,7 @@ def main_replay(arguments: list[str], joined: float) -> int:
         help=f"one of: {', '.join(PROFILES)} (default: %(default)s)",
     )
     parser.add_argument("--out", type=Path, default=Path("out/replay"), metavar="FOLDER")
-    options = parser.parse_args(remove_ros_args(["replay", *arguments])[1:])
+    options = parser.parse_args(own_arguments("replay", arguments))
 
     if options.profile not in PROFILES:
         raise UserError(f"--profile {options.profile}: unknown; there are: {', '.join(PROFILES)}")
@@ -136,33 +127,36 @@ def main_replay(arguments: list[str], joined: float) -> int:
         nodes += [recorder, *graph_nodes(options.profile), player]
         for node in nodes:
             executor.add_node(node)
-        wall = _play_to_the_end(player, executor, recorder, console)
+        wall, status = _play_to_the_end(player, executor, recorder, console)
         if wall is not None:
             speed = player.total / wall
             console.print(f"played {player.total:.1f} s in {wall:.1f} s ({speed:.1f} x real time)")
         with interruptible():
             _leave(options.out, drive, faults, recorder, console)
-    except LockstepError as error:
-        print(error, file=sys.stderr)
-        return 1
     finally:
         executor.shutdown()
         for node in nodes:
             node.destroy_node()
-    return INTERRUPTED if wall is None else 0
+    return status
 
 
 def _play_to_the_end(
     player: PlayerNode, executor: Executor, recorder: RecorderNode, console: Console
-) -> float | None:
-    """Seconds that playing took; None if interrupted: what was recorded until then is not lost."""
+) -> tuple[float | None, int]:
+    """Seconds that playing took, and the exit status.
+
+    None if it was interrupted or a step failed: what was recorded until then is not lost.
+    """
     try:
         wall = play(player, executor, console)
         drain(executor, recorder)
     except KeyboardInterrupt:
         print("interrupted: what was recorded until now is written", file=sys.stderr)
-        return None
-    return wall
+        return None, INTERRUPTED
+    except LockstepError as error:
+        print(error, file=sys.stderr)
+        return None, 1
+    return wall, 0
 
 
 def drain(executor: Executor, recorder: RecorderNode) -> None:
@@ -176,13 +170,13 @@ def drain(executor: Executor, recorder: RecorderNode) -> None:
 
 def write_bag(recorder: RecorderNode, bag: Path) -> None:
     """Write what was recorded, in place of an older bag. Raises UserError where it does not fit."""
-    with tempfile.TemporaryDirectory(dir=bag.parent, prefix=".writing-") as folder:
-        writing = Path(folder) / "bag"
-        try:
+    try:
+        with tempfile.TemporaryDirectory(dir=bag.parent, prefix=".writing-") as folder:
+            writing = Path(folder) / "bag"
             written, count = recorder.write(writing)
-        except OSError as error:
-            raise UserError(f"{bag}: cannot be written ({error.strerror})") from error
-        replace_folder(writing, bag)
+            replace_folder(writing, bag)
+    except OSError as error:
+        raise UserError(f"{bag}: cannot be written ({error.strerror})") from error
     if written < count:
         raise UserError(
             f"{bag}: the disk is full: it holds the first {written} of {count} messages, "
@@ -197,9 +191,9 @@ def _leave(
     # What draws is loaded when there is something to draw, not before the first report.
     from lfd_replay.report import write_report
 
+    write_bag(recorder, out / "bag")
     steps = recorder.steps()
     sensors = score(timeline((step.report for step in steps), drive.zero), faults)
-    write_bag(recorder, out / "bag")
     write_text(out / "summary.json", json.dumps(sensors, indent=1) + "\n")
     report = write_report(out, drive.name, steps, drive.zero, faults, sensors)
     print_table(result_table(sensors, f"{len(steps)} steps"))

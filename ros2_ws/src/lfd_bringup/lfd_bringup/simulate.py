@@ -13,7 +13,6 @@ from pathlib import Path
 import rclpy
 from rclpy.executors import Executor
 from rclpy.node import Node
-from rclpy.utilities import remove_ros_args
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
@@ -24,15 +23,21 @@ from lfd_bringup.replay import (
     drain,
     event_line,
     graph_nodes,
-    make_folder,
     write_bag,
 )
 from lfd_diagnosis.decision_node import DecisionNode
 from lfd_mpc.errors import UserError
-from lfd_mpc.node_process import deliver, interruptible, make_executor, ros_started
+from lfd_mpc.node_process import (
+    deliver,
+    interruptible,
+    make_executor,
+    own_arguments,
+    ros_started,
+)
 from lfd_replay.command_line import print_table, result_table
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
+from lfd_replay.paths import make_folder
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES
 from lfd_replay.score import score, timeline
 from lfd_replay.text_file import write_text
@@ -87,7 +92,7 @@ def main_simulate(arguments: list[str]) -> int:
         help=f"one of: {', '.join(PROFILES)} (default: %(default)s)",
     )
     parser.add_argument("--out", type=Path, default=Path("out/simulate"), metavar="FOLDER")
-    options = parser.parse_args(remove_ros_args(["simulate", *arguments])[1:])
+    options = parser.parse_args(own_arguments("simulate", arguments))
     if options.profile not in PROFILES:
         raise UserError(f"--profile {options.profile}: unknown; there are: {', '.join(PROFILES)}")
     if options.seed < 0:
@@ -128,11 +133,12 @@ def main_simulate(arguments: list[str]) -> int:
             ended = _run_to_the_end(vehicle, executor, recorder, console)
             wall, driven = time.monotonic() - started, vehicle.world.stamp * 1e-9
             console.print(f"drove {driven:.1f} s in {wall:.1f} s ({driven / wall:.1f} x real time)")
-            with interruptible():
-                _leave(options.out, lead_text, recorder, faults, console)
             if vehicle.error is not None:
                 print(vehicle.error, file=sys.stderr)
-                return 2 if isinstance(vehicle.error, UserError) else 1
+            with interruptible():
+                _leave(options.out, lead_text, recorder, faults, console)
+            if vehicle.status:
+                return vehicle.status
         finally:
             executor.shutdown()
             for node in nodes:
@@ -153,7 +159,7 @@ def _run_to_the_end(
             *columns, console=console, transient=True, disable=not console.is_terminal
         ) as progress:
             task = progress.add_task("simulate", total=vehicle.total)
-            while not vehicle.done and vehicle.error is None:
+            while vehicle.status is None:
                 deliver(executor, 0.1)
                 progress.update(task, completed=vehicle.world.stamp * 1e-9)
         drain(executor, recorder)
@@ -164,16 +170,19 @@ def _run_to_the_end(
 
 
 def _leave(out: Path, lead: str, recorder: RecorderNode, faults: list, console: Console) -> None:
-    """Bag, report, page and summary."""
+    """Bag, report, page and summary; where nothing was judged, the bag alone."""
     from lfd_replay.report import write_report
-    from lfd_vehicle.watch_page import write_watch_page
+    from lfd_vehicle.watch_page import TOPICS, write_watch_page
 
+    write_bag(recorder, out / "bag")
+    if not all(map(recorder.count, TOPICS)):
+        console.print(f"bag: {out / 'bag'}   nothing was judged: there is no report of it")
+        return
     steps = recorder.steps()
     sensors = score(timeline((step.report for step in steps), 0), faults)
     truth = recorder.messages("vehicle/truth")
     levels = [decision.level for decision in recorder.messages("diagnosis/decision")]
-    safety = safety_of(truth, levels, bool(truth) and truth[-1].collided)
-    write_bag(recorder, out / "bag")
+    safety = safety_of(truth, levels, truth[-1].collided)
     summary = {"lead": lead, "safety": safety.figures(), "sensors": sensors}
     write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
     report = write_report(out, f"closed loop behind {lead}", steps, 0, faults, sensors)

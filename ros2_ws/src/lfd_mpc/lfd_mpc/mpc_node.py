@@ -5,15 +5,13 @@ import time
 from functools import partial
 from typing import Any
 
-from geometry_msgs.msg import AccelStamped, TwistStamped
+from geometry_msgs.msg import AccelStamped
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
-from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Imu
 from std_msgs.msg import Header
 
 from lfd_mpc.decision import Decision as Decided
@@ -21,47 +19,19 @@ from lfd_mpc.driving import DrivingMpc
 from lfd_mpc.errors import UserError
 from lfd_mpc.health import Health, StepHealth
 from lfd_mpc.horizon import Horizon, Mpc, first_horizon
-from lfd_mpc.messages import from_message, from_time, radar_sample, to_message, to_time
+from lfd_mpc.messages import from_message, from_time, to_message, to_time
 from lfd_mpc.node_support import (
     PIPELINE_QOS,
     HealthPublisher,
     ReadyAnnouncer,
+    declare,
     declare_settings,
 )
 from lfd_mpc.qos_events import hearing, telling
-from lfd_mpc.samples import (
-    ACCELERATION,
-    HOST_SPEED,
-    LEAD_ACCELERATION,
-    RADAR,
-    Sample,
-    ScalarSample,
-    playing_order,
-)
+from lfd_mpc.samples import Sample, playing_order
+from lfd_mpc.sensor_inputs import INPUT_TOPICS, SENSOR_OVERRIDES, sensor_qos
 from lfd_mpc.settings import MpcSettings
-from lfd_msgs.msg import Decision, DrivingState, PredictionHorizon, RadarTarget
-
-
-def sensor_qos() -> QoSProfile:
-    """Best effort hears every kind of sensor driver; deep, since a late step needs its samples.
-
-    A new object each time: an override by parameter changes the object itself.
-    """
-    return QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
-def _acceleration(message: Imu) -> Sample:
-    stamp = from_time(message.header.stamp)
-    return ScalarSample(ACCELERATION, stamp, message.linear_acceleration.x)
-
-
-def _host_speed(message: TwistStamped) -> Sample:
-    return ScalarSample(HOST_SPEED, from_time(message.header.stamp), message.twist.linear.x)
-
-
-def _lead_acceleration(message: AccelStamped) -> Sample:
-    return ScalarSample(LEAD_ACCELERATION, from_time(message.header.stamp), message.accel.linear.x)
-
+from lfd_msgs.msg import Decision, DrivingState, PredictionHorizon
 
 RECEIPTS_TOPIC = "mpc/received"
 RECEIPTS_QOS = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -70,14 +40,6 @@ RECEIPTS_PARAMETER = ParameterDescriptor(
     read_only=True,
 )
 
-INPUT_TOPICS = {
-    RADAR: (RadarTarget, "radar/target", radar_sample),
-    HOST_SPEED: (TwistStamped, "vehicle/twist", _host_speed),
-    ACCELERATION: (Imu, "vehicle/imu", _acceleration),
-    LEAD_ACCELERATION: (AccelStamped, "v2v/lead_acceleration", _lead_acceleration),
-}
-"""Type, relative topic and conversion of each input."""
-
 
 class MpcNode(Node):
     """Samples to the core, horizons from it."""
@@ -85,7 +47,7 @@ class MpcNode(Node):
     def __init__(self, context: Context | None = None, **node_options) -> None:
         """Raises UserError for parameters that cannot work."""
         super().__init__("mpc_node", context=context, **node_options)
-        receipts = self.declare_parameter("receipts", False, RECEIPTS_PARAMETER).value
+        receipts = declare(self, "receipts", False, RECEIPTS_PARAMETER)
         settings = declare_settings(self, MpcSettings, self._change)
         self._horizon = self.create_publisher(
             PredictionHorizon,
@@ -105,7 +67,7 @@ class MpcNode(Node):
                 topic,
                 partial(self._on_sample, input_name),
                 qos,
-                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+                qos_overriding_options=SENSOR_OVERRIDES,
                 event_callbacks=hearing(self, topic, qos),
             )
         self._driving = None

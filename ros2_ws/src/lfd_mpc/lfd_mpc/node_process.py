@@ -4,12 +4,15 @@ It joins ROS before it loads what it computes with: finding the others takes as 
 """
 
 import os
+import re
 import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
+from typing import TypeVar
 
 import rclpy
 from rclpy.context import Context
@@ -17,11 +20,15 @@ from rclpy.executors import Executor
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos_overriding_options import InvalidQosOverridesError
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
 from lfd_mpc.collector import without_collector
 from lfd_mpc.deadline import Deadline
 from lfd_mpc.errors import UserError
+
+NodeType = TypeVar("NodeType", bound=Node)
 
 LEAVING = 2.0
 """Seconds within which a node that was told to end has left ROS; it takes 0.15 s.
@@ -30,6 +37,17 @@ Where DDS was built with an old C++ library, as for the wheels, it waits for eve
 while it hears that another node left (https://github.com/eProsima/Fast-DDS/issues/6513): one end in
 a thousand where all nodes of a graph are ended at the same time.
 """
+
+ROS_ARGUMENTS = "--ros-args -p NAME:=VALUE --params-file FILE -r FROM:=TO"
+
+REFUSED_PARAMETER = (
+    rclpy.exceptions.InvalidParameterTypeException,
+    rclpy.exceptions.InvalidParameterValueException,
+)
+"""What rclpy raises where a parameter is declared that was given another value."""
+
+LARGEST_DOMAIN = 232
+"""Beyond it there are no ports."""
 
 
 def make_executor(context: Context | None = None) -> Executor:
@@ -126,20 +144,69 @@ def _refuse_pretended_security() -> None:
         )
 
 
+def own_arguments(program: str, arguments: list[str]) -> list[str]:
+    """A command line without its ROS arguments. Raises UserError for those that cannot be."""
+    try:
+        return remove_ros_args([program, *arguments])[1:]
+    except RuntimeError as error:
+        raise UserError(f"{program}: {_said(error)}; expected: {ROS_ARGUMENTS}") from error
+
+
+def _said(error: Exception) -> str:
+    """What ROS says, without where in its sources it does so."""
+    return re.sub(r",? at /\S+:\d+", "", str(error))
+
+
+def _refuse_domain() -> None:
+    """The middleware would say it in a page of its own. Raises UserError."""
+    text = os.environ.get("ROS_DOMAIN_ID", "")
+    if text and not (text.isdecimal() and int(text) <= LARGEST_DOMAIN):
+        raise UserError(
+            f"ROS_DOMAIN_ID is '{text}'; a whole number of 0 to {LARGEST_DOMAIN} is expected"
+        )
+
+
+def _start_ros(args: list[str] | None) -> None:
+    """Raises UserError for arguments or an environment with which ROS does not start."""
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        rclpy.try_shutdown()
+        raise UserError(f"ROS does not start: {_said(error)}") from error
+
+
+@contextmanager
+def _refused_parameters_told() -> Iterator[None]:
+    """UserError for those that ROS itself declares: `use_sim_time`, and quality of service."""
+    try:
+        yield
+    except (*REFUSED_PARAMETER, InvalidQosOverridesError) as error:
+        raise UserError(f"parameter: {error}") from error
+    except RuntimeError as error:
+        if not str(error).startswith("Unexpected QoS override"):
+            raise
+        raise UserError(
+            f"parameter qos_overrides: {error}; expected: reliability reliable or best_effort, "
+            "history keep_last or keep_all"
+        ) from error
+
+
 @contextmanager
 def ros_started(args: list[str] | None, leaves_within: float | None = None) -> Iterator[None]:
     """ROS, seen by this machine alone unless the environment says otherwise; left at the end.
 
     Told to end it is left within so many s, or the process ends with status 0, if that is given.
 
-    Raises UserError for security that was asked for but would not be enforced, KeyboardInterrupt
-    for SIGINT and SIGTERM.
+    Raises UserError for arguments, parameters or an environment with which ROS or a node does not
+    start, and for security that was asked for but would not be enforced; KeyboardInterrupt for
+    SIGINT and SIGTERM.
     """
     _refuse_pretended_security()
+    _refuse_domain()
     if "ROS_STATIC_PEERS" not in os.environ:
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    with _signals.taken(leaves_within):
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    with _signals.taken(leaves_within), _refused_parameters_told():
+        _start_ros(args)
         try:
             yield
         finally:
@@ -164,18 +231,25 @@ def joined(args: list[str] | None, leaves_within: float | None = None) -> Iterat
             first.destroy_node()
 
 
-def run_node(load: Callable[[], Callable[[], Node]], args: list[str] | None = None) -> int:
+def run_node(
+    load: Callable[[], Callable[[], NodeType]],
+    args: list[str] | None = None,
+    status: Callable[[NodeType], int | None] = lambda node: None,
+) -> int:
     """Spin one node until it is told to stop; returns the exit status.
 
-    `load` gives its class, and may import it only then.
+    `load` gives its class, and may import it only then; `status` that of a node which ends by
+    itself, None while it goes on.
     """
-    if {"-h", "--help"} & set(sys.argv[1:] if args is None else args):
+    args = sys.argv[1:] if args is None else args
+    if {"-h", "--help"} & set(args):
         print(sys.modules[load().__module__].__doc__)
-        print("Options are ROS arguments: --ros-args -p NAME:=VALUE --params-file FILE -r FROM:=TO")
+        print(f"Options are ROS arguments: {ROS_ARGUMENTS}")
         return 0
     try:
+        _refuse_further(args)
         with joined(args, LEAVING):
-            _spin(load)
+            return _spin(load, status)
     except UserError as error:
         print(error, file=sys.stderr)
         return 2
@@ -184,7 +258,15 @@ def run_node(load: Callable[[], Callable[[], Node]], args: list[str] | None = No
     return 0
 
 
-def _made(load: Callable[[], Callable[[], Node]]) -> Node:
+def _refuse_further(args: list[str]) -> None:
+    """What follows no --ros-args would be ignored. Raises UserError."""
+    program = Path(sys.argv[0]).name
+    further = own_arguments(program, args)
+    if further:
+        raise UserError(f"{program}: unknown: {' '.join(further)}; expected: {ROS_ARGUMENTS}")
+
+
+def _made(load: Callable[[], Callable[[], NodeType]]) -> NodeType:
     """Raises KeyboardInterrupt if told to end meanwhile, whatever was made of that."""
     try:
         return load()()
@@ -195,18 +277,21 @@ def _made(load: Callable[[], Callable[[], Node]]) -> Node:
         raise
 
 
-def _spin(load: Callable[[], Callable[[], Node]]) -> None:
-    """Returns when told to stop, and leaves nothing of ROS behind."""
+def _spin(
+    load: Callable[[], Callable[[], NodeType]], status: Callable[[NodeType], int | None]
+) -> int:
+    """Returns when told to stop or when there is a status, and leaves nothing of ROS behind."""
     try:
         with without_collector(stays=True):
             node = _made(load)
         try:
             executor = make_executor()
             executor.add_node(node)
-            while True:
+            while (ended := status(node)) is None:
                 deliver(executor, 0.1)
+            return ended
         finally:
             node.destroy_node()
     except KeyboardInterrupt:
         # Here, and no later: it holds the executor.
-        pass
+        return 0

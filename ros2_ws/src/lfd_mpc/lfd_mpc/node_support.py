@@ -1,9 +1,9 @@
 """What every node of the graph does alike: parameters from settings, readiness, health."""
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from pydantic import ValidationError
 from rcl_interfaces.msg import (
@@ -20,11 +20,15 @@ from std_msgs.msg import String
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.health import PERIOD, Health
+from lfd_mpc.node_process import REFUSED_PARAMETER
 from lfd_mpc.settings import Settings, is_fixed, settings_error
 
 READY_TOPIC = "ready"
 READY_QOS = QoSProfile(depth=20, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Every node says its own full name here, once, when it hears its publishers (latched)."""
+
+READY_DEADLINE = 30.0
+"""Seconds of wall time that nodes have to become ready for who waits for them."""
 
 PIPELINE_QOS = QoSProfile(depth=1000)
 """Between nodes: reliable, deep enough for a burst of steps."""
@@ -47,19 +51,37 @@ def declare_settings(
     for name, field in kind.model_fields.items():
         descriptor = describe(field, read_only=apply is None or is_fixed(field))
         default = list(field.default) if isinstance(field.default, tuple) else field.default
-        try:
-            value = node.declare_parameter(name, default, descriptor).value
-        except (
-            rclpy.exceptions.InvalidParameterTypeException,
-            rclpy.exceptions.InvalidParameterValueException,
-        ) as error:
-            raise UserError(f"parameter '{name}': {error}") from error
+        value = declare(node, name, default, descriptor)
         values[name] = tuple(value) if isinstance(field.default, tuple) else value
     settings = _checked(kind, values)
     _refuse_unknown(node)
     if apply is not None:
         _follow_changes(node, settings, apply)
     return settings
+
+
+def declare(node: Node, name: str, default: Any, descriptor: ParameterDescriptor) -> Any:
+    """Declare a parameter and return its value, of the type of `default`.
+
+    Raises UserError naming the parameter for a value that is refused.
+    """
+    given = node._parameter_overrides.get(name)
+    if given is not None:
+        value = _as_meant(given.value, default)
+        node._parameter_overrides[name] = Parameter(name, value=value)
+    try:
+        return node.declare_parameter(name, default, descriptor).value
+    except REFUSED_PARAMETER as error:
+        raise UserError(f"parameter '{name}': {error}") from error
+
+
+def _as_meant(value: Any, default: Any) -> Any:
+    """A whole number where any number will do, and a number where a text is expected."""
+    if type(value) is int and isinstance(default, float):
+        return float(value)
+    if type(value) in (int, float) and isinstance(default, str):
+        return str(value)
+    return value
 
 
 def _checked(kind: type[SettingsType], values: dict[str, Any]) -> SettingsType:
@@ -189,3 +211,29 @@ class ReadyAnnouncer:
         self._ticks += 1
         if self._ticks % 500 == 100:
             self._node.get_logger().info(f"waiting for a publisher on {', '.join(missing)}")
+
+
+class AwaitedNodes:
+    """Nodes that must have said that they are ready before another one begins."""
+
+    def __init__(self, node: Node, names: Iterable[str]) -> None:
+        """`names`: of the nodes that `node` waits for."""
+        self._missing = set(names)
+        self._begun = time.monotonic()
+        node.create_subscription(String, READY_TOPIC, self._on_ready, READY_QOS)
+
+    @property
+    def missing(self) -> list[str]:
+        """Those that have not said it."""
+        return sorted(self._missing)
+
+    def check(self, further: str = "") -> None:
+        """Raises UserError when the deadline has passed; `further`: what is missing beside them."""
+        if time.monotonic() - self._begun > READY_DEADLINE:
+            raise UserError(
+                f"waited {READY_DEADLINE:.0f} s for {', '.join(self.missing) or further} to be "
+                "ready: are they running, in the same ROS_DOMAIN_ID?"
+            )
+
+    def _on_ready(self, message: String) -> None:
+        self._missing.discard(message.data.rsplit("/", 1)[-1])

@@ -6,12 +6,11 @@ import time
 from pathlib import Path
 
 from rclpy.executors import Executor
-from rclpy.utilities import remove_ros_args
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.node_process import LEAVING, deliver, make_executor, ros_started
+from lfd_mpc.node_process import LEAVING, deliver, make_executor, own_arguments, ros_started
 from lfd_replay.command_line import add_drive_options, warn
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
@@ -86,7 +85,7 @@ def main_play(arguments: list[str]) -> int:
         help="nodes that must be ready first (default: none; in lockstep the whole graph)",
     )
     add_drive_options(parser)
-    options = parser.parse_args(remove_ros_args(["bag_player", *arguments])[1:])
+    options = parser.parse_args(own_arguments("bag_player", arguments))
 
     playing = play_options(options, options.loop)
     faults = parse_faults(options.fault)

@@ -13,14 +13,13 @@ from typing import Any
 
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Trigger
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.mpc_node import INPUT_TOPICS, sensor_qos
 from lfd_mpc.node_process import run_node
 from lfd_mpc.node_support import PIPELINE_QOS, declare_settings
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RadarSample, Sample
+from lfd_mpc.sensor_inputs import INPUT_TOPICS, SENSOR_OVERRIDES, sensor_qos
 from lfd_msgs.srv import InjectFault
 from lfd_replay.adapter_settings import InjectorSettings
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
@@ -109,7 +108,7 @@ class FaultInjectorNode(Node):
                 f"sensors/{topic}",
                 partial(self._on_message, name),
                 sensor_qos(),
-                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+                qos_overriding_options=SENSOR_OVERRIDES,
             )
         self.create_service(InjectFault, "~/inject", self._on_inject)
         self.create_service(Trigger, "~/clear", self._on_clear)

@@ -42,6 +42,7 @@ class Journal:
     """Results by key in a file of JSON lines; those of other code do not count."""
 
     def __init__(self, path: Path) -> None:
+        """Raises UserError, as `add` does, where nothing can be written."""
         self._path = path
         self.results: dict[str, Any] = {}
         head = json.dumps({"code": fingerprint()})
@@ -54,15 +55,23 @@ class Journal:
                     continue  # the line at which a run was cut off
                 self.results[entry["key"]] = entry["result"]
         else:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(head + "\n")
+            self._write("w", head + "\n")
 
     def add(self, key: str, result: Any) -> None:
         """Keep one result."""
-        with self._path.open("a") as file:
-            file.write("\n" + json.dumps({"key": key, "result": result}))
+        self._write("a", "\n" + json.dumps({"key": key, "result": result}))
         # As it will be read the next time, so that a resumed run gives the same.
         self.results[key] = json.loads(json.dumps(result))
+
+    def _write(self, mode: str, text: str) -> None:
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            with self._path.open(mode) as file:
+                file.write(text)
+        except OSError as error:
+            raise UserError(
+                f"{self._path}: results cannot be kept there ({error.strerror})"
+            ) from error
 
 
 def _end_with_parent() -> None:

@@ -7,7 +7,8 @@ against it: a deadline that passes or a step that rests on other samples is an e
 import struct
 import time
 from collections import deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
+from itertools import product
 from math import inf, isnan
 
 from rclpy.node import Node
@@ -16,7 +17,7 @@ from std_msgs.msg import Header
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.horizon import Horizon
-from lfd_mpc.messages import from_message
+from lfd_mpc.messages import from_message, from_time
 from lfd_mpc.mpc_node import RECEIPTS_QOS, RECEIPTS_TOPIC
 from lfd_mpc.node_support import PIPELINE_QOS
 from lfd_mpc.samples import Sample
@@ -50,26 +51,27 @@ class Lockstep:
         self,
         node: Node,
         answers: dict[str, type],
-        receipts: int = 0,
+        confirmed: Sequence[str] = (),
         then: Callable[[], None] | None = None,
     ) -> None:
         """`answers`: topics that answer each step beside mpc/horizon, with their types.
 
-        `receipts`: how many messages mpc_node confirms at each step beside the samples; `then` is
-        called after each answer.
+        `confirmed`: what mpc_node confirms at each step beside the samples; `then` is called after
+        each answer.
         """
         self._node, self._then = node, then
         self.released = -1
-        self._receipts = receipts
+        self._confirmed = confirmed
         self._sampler = Sampler()
         self._expected: deque[StepInputs] = deque()
         self._next_steps: list[StepInputs] | None = None
-        self._unconfirmed = 0
+        self._unconfirmed: list[tuple[int, str]] = []
         self._awaited: dict[str, set[int]] = {topic: set() for topic in answers}
         self._deadline, self._sent_stamp = inf, 0
         self._error: LockstepError | None = None
         node.create_subscription(PredictionHorizon, "mpc/horizon", self._on_horizon, PIPELINE_QOS)
-        node.create_subscription(Header, RECEIPTS_TOPIC, self._on_receipt, RECEIPTS_QOS)
+        receipts = node.create_subscription(Header, RECEIPTS_TOPIC, self._on_receipt, RECEIPTS_QOS)
+        self._receipts_topic = receipts.topic_name
         for topic, kind in answers.items():
             node.create_subscription(
                 kind,
@@ -99,7 +101,8 @@ class Lockstep:
             self.released = self._next_steps[-1].stamp
         for awaited in self._awaited.values():
             awaited.update(step.stamp for step in self._next_steps)
-        self._unconfirmed += self._receipts * len(self._next_steps) + 1
+        self._unconfirmed += product((step.stamp for step in self._next_steps), self._confirmed)
+        self._unconfirmed.append((sample.stamp, sample.input))
         self._next_steps = None
         self._deadline, self._sent_stamp = time.monotonic() + STEP_DEADLINE, sample.stamp
         return True
@@ -116,15 +119,21 @@ class Lockstep:
         self._deadline += seconds
 
     def check_reliable(self, topics: Collection[str]) -> None:
-        """Lockstep must not lose a sample. Raises UserError where one could be lost."""
+        """Lockstep must not lose a sample, and know that. Raises UserError where it might."""
+        lacking = ""
         for topic in topics:
             for info in self._node.get_subscriptions_info_by_topic(topic):
-                best_effort = info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-                if info.node_name == "mpc_node" and best_effort:
-                    raise UserError(
-                        f"lockstep needs a reliable subscription to {topic}: start mpc_node with "
-                        "the parameter file lockstep.yaml of lfd_bringup"
-                    )
+                if info.node_name != "mpc_node":
+                    continue
+                if info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT:
+                    lacking = f"a reliable subscription to {topic}"
+                elif not self._node.count_publishers(self._receipts_topic):
+                    lacking = f"receipts on {self._receipts_topic}"
+        if lacking:
+            raise UserError(
+                f"lockstep needs {lacking}: start mpc_node with the parameter file lockstep.yaml "
+                "of lfd_bringup"
+            )
 
     def _on_horizon(self, message: PredictionHorizon) -> None:
         if not self._expected:
@@ -139,9 +148,12 @@ class Lockstep:
             self._fail(f"step at {expected.stamp * 1e-9:.2f} s: {difference}")
         self._go_on()
 
-    def _on_receipt(self, _message: Header) -> None:
-        self._unconfirmed -= 1
-        self._go_on()
+    def _on_receipt(self, message: Header) -> None:
+        receipt = from_time(message.stamp), message.frame_id
+        # Those of another sender, or of a drive before, are latched, too.
+        if receipt in self._unconfirmed:
+            self._unconfirmed.remove(receipt)
+            self._go_on()
 
     def _on_answer(self, topic: str, raw: bytes) -> None:
         # The header's stamp follows the four bytes of the CDR encapsulation.
@@ -162,7 +174,7 @@ class Lockstep:
         if self._expected:
             owed.insert(0, f"mpc/horizon ({len(self._expected)})")
         if self._unconfirmed:
-            owed.insert(0, f"{RECEIPTS_TOPIC} ({self._unconfirmed})")
+            owed.insert(0, f"{RECEIPTS_TOPIC} ({len(self._unconfirmed)})")
         return (
             f"lockstep: after the sample at {self._sent_stamp * 1e-9:.3f} s nothing came for "
             f"{STEP_DEADLINE:.0f} s; still owed: {', '.join(owed)}"

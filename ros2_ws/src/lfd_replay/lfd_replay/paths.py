@@ -1,10 +1,26 @@
-"""Where installed packages keep their files."""
+"""Where installed packages keep their files, and where results go."""
 
+import tempfile
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
+
+from lfd_mpc.errors import UserError
 
 
 def share_folder(package: str) -> Path:
     """The share folder of an installed package."""
     return Path(get_package_share_directory(package))
+
+
+def make_folder(out: Path) -> None:
+    """Make the folder in which results are left, before there are any.
+
+    Raises UserError where it cannot be made, or nothing can be written in it.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=out):
+            pass
+    except OSError as error:
+        raise UserError(f"--out {out}: cannot be made or written ({error.strerror})") from error

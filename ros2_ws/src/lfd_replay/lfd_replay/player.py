@@ -8,12 +8,11 @@ from math import inf
 from rclpy.context import Context
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.messages import set_time
-from lfd_mpc.node_support import PIPELINE_QOS, READY_QOS, READY_TOPIC
+from lfd_mpc.node_support import PIPELINE_QOS, AwaitedNodes
 from lfd_mpc.samples import Sample
 from lfd_mpc.settings import STEP_NS
 from lfd_replay.drive import Drive, playing_times
@@ -22,9 +21,6 @@ from lfd_replay.lockstep import ANSWERS, Lockstep
 from lfd_replay.sample_publishers import SamplePublishers
 
 GRAPH_NODES = ("mpc_node", "observer_node", "diagnosis_node")
-
-READY_DEADLINE = 30.0
-"""Seconds of wall time that the nodes have to become ready."""
 
 SETTLE = 0.5
 """Seconds after which other graphs in the same domain have been discovered."""
@@ -86,19 +82,19 @@ class PlayerNode(Node):
         self._times = playing_times(samples)
         self._options = options
         self._position = 0
-        self._missing = set(wait_for)
-        self._created = time.monotonic()
-        self._joined = self._created if joined is None else joined
+        self._awaited = AwaitedNodes(self, wait_for)
+        self._joined = time.monotonic() if joined is None else joined
         self.started: float | None = None
         """`time.monotonic()` at the first sample."""
         self._paused = False
         self._last_clock = -STEP_NS
         self._last_beat = 0.0
         self._clock_wall = 0.0
+        # Drive time in ns since the first sample; where there is a gap, later than the last sample.
+        self._reached = 0
         self._clock = self.create_publisher(Clock, "/clock", 10)
         self._now = Clock()
         self._outputs = SamplePublishers(self, PIPELINE_QOS)
-        self.create_subscription(String, READY_TOPIC, self._on_ready, READY_QOS)
         self.create_service(Trigger, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/resume", self._on_resume)
         self.create_service(Trigger, "~/step", self._on_step)
@@ -112,12 +108,12 @@ class PlayerNode(Node):
     @property
     def waiting_for(self) -> list[str]:
         """Nodes that have not said that they are ready."""
-        return sorted(self._missing)
+        return self._awaited.missing
 
     @property
     def done(self) -> bool:
-        """Whether everything is played (and, in lockstep, answered)."""
-        return self._position >= len(self._samples) and not self._waiting
+        """Whether everything is played (and, in lockstep, answered); a loop never is."""
+        return not self._options.loop and self._position >= len(self._samples) and not self._waiting
 
     @property
     def played(self) -> float:
@@ -139,12 +135,8 @@ class PlayerNode(Node):
         Raises UserError when the nodes do not become ready, LockstepError when a step fails.
         """
         now = time.monotonic()
-        if self._missing:
-            if now - self._created > READY_DEADLINE:
-                raise UserError(
-                    f"waited {READY_DEADLINE:.0f} s for {', '.join(self.waiting_for)} to be ready: "
-                    "are they running, in the same ROS_DOMAIN_ID?"
-                )
+        if self.waiting_for:
+            self._awaited.check()
             return HEARTBEAT
         if self.started is None:
             if now - self._joined < SETTLE:
@@ -153,7 +145,7 @@ class PlayerNode(Node):
             if self._lockstep is not None:
                 self._lockstep.check_reliable(self._outputs.topics)
             self.started = now
-            self._clock_wall = now
+            self._clock_wall = self._pause_wall = now
         if self._paused:
             self._beat(now)
             return HEARTBEAT
@@ -162,7 +154,11 @@ class PlayerNode(Node):
         return self._pump_free(now)
 
     def _pump_free(self, now: float) -> float:
-        elapsed = round((now - self._clock_wall) * self._options.rate * 1e9)
+        return self._play_to(round((now - self._clock_wall) * self._options.rate * 1e9), now)
+
+    def _play_to(self, elapsed: int, now: float) -> float:
+        """Publish what is due at so many ns of drive time since the first sample."""
+        self._reached = elapsed
         while self._position < len(self._samples):
             sample, due = self._samples[self._position], self._times[self._position]
             if due > elapsed:
@@ -191,6 +187,7 @@ class PlayerNode(Node):
 
     def _rewind(self, now: float) -> None:
         self._position, self._clock_wall, self._last_clock = 0, now, -STEP_NS
+        self._reached = 0
 
     def _send(self, sample: Sample) -> None:
         self._position += 1
@@ -211,9 +208,6 @@ class PlayerNode(Node):
         if now - self._last_beat >= HEARTBEAT and self._last_clock >= 0:
             self._last_beat = now
             self._publish_clock()
-
-    def _on_ready(self, message: String) -> None:
-        self._missing.discard(message.data.rsplit("/", 1)[-1])
 
     def _check_alone(self) -> None:
         """Two graphs in one domain would mix. Raises UserError where another one is there."""
@@ -247,6 +241,8 @@ class PlayerNode(Node):
         response.success = False
         if not self._paused:
             response.message = "is not paused; call pause first"
+        elif self.started is None:
+            response.message = "has not begun: the nodes are not ready"
         elif self.done:
             response.message = "is at the end"
         elif self._waiting:
@@ -255,9 +251,13 @@ class PlayerNode(Node):
             if self._lockstep is not None:
                 self._pump_lockstep(self._lockstep, self._pause_wall)
             else:
-                played = self._times[self._position - 1] if self._position else 0
-                due = (played // STEP_NS + 1) * STEP_NS
-                self._clock_wall = self._pause_wall - due * 1e-9 / self._options.rate
-                self._pump_free(self._pause_wall)
-            response.success, response.message = True, f"at {self.played:.2f} s of drive time"
+                self._step_free()
+            at = max(self.played, self._reached * 1e-9)
+            response.success, response.message = True, f"at {at:.2f} s of drive time"
         return response
+
+    def _step_free(self) -> None:
+        """Put the pause at the next whole step of drive time, and play what is due until then."""
+        due = (self._reached // STEP_NS + 1) * STEP_NS
+        self._clock_wall = self._pause_wall - due * 1e-9 / self._options.rate
+        self._play_to(due, self._pause_wall)

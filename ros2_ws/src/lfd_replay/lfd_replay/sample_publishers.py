@@ -1,12 +1,15 @@
 """Samples as live messages on the graph's input topics."""
 
+from collections.abc import Iterable
+
 from geometry_msgs.msg import AccelStamped, TwistStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu
 
 from lfd_mpc.messages import set_time
-from lfd_mpc.samples import ACCELERATION, HOST_SPEED, LEAD_ACCELERATION, RADAR, RadarSample, Sample
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RadarSample, Sample
+from lfd_mpc.sensor_inputs import INPUT_TOPICS
 from lfd_msgs.msg import RadarTarget
 
 
@@ -17,15 +20,11 @@ class SamplePublishers:
         self,
         node: Node,
         qos: QoSProfile,
-        inputs: tuple[str, ...] = (RADAR, ACCELERATION, HOST_SPEED, LEAD_ACCELERATION),
+        inputs: Iterable[str] = tuple(INPUT_TOPICS),
     ) -> None:
-        kinds = {
-            RADAR: (RadarTarget, "radar/target"),
-            ACCELERATION: (Imu, "vehicle/imu"),
-            HOST_SPEED: (TwistStamped, "vehicle/twist"),
-            LEAD_ACCELERATION: (AccelStamped, "v2v/lead_acceleration"),
+        self._publishers = {
+            name: node.create_publisher(*INPUT_TOPICS[name][:2], qos) for name in inputs
         }
-        self._publishers = {name: node.create_publisher(*kinds[name], qos) for name in inputs}
         # One of each, filled again and again: what is published is copied at once.
         self._radar, self._imu = RadarTarget(), Imu()
         self._twist, self._lead = TwistStamped(), AccelStamped()

@@ -23,11 +23,13 @@ from rich.table import Table
 
 from lfd_diagnosis.verdict import Report, State
 from lfd_mpc.errors import UserError
+from lfd_mpc.settings import STEP_S
 from lfd_replay.drawing.figure_page import table_html, write_page
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
 from lfd_replay.generated.lead_profiles import NORMAL
 from lfd_replay.journal import workers
+from lfd_replay.paths import make_folder
 from lfd_replay.profiles import PROFILES, graph_settings
 from lfd_replay.score import score, timeline
 from lfd_replay.text_file import write_text
@@ -99,7 +101,7 @@ def run_case(case: Case) -> dict[str, Any]:
         "heeded": case.heeded,
         "seed": case.seed,
         "prediction": case.prediction,
-        "duration_s": len(steps) * 0.01,
+        "duration_s": len(steps) * STEP_S,
         **safety.figures(),
     }
     if not diagnosed:
@@ -354,10 +356,6 @@ def leave(rows: list[dict[str, Any]], out: Path, console: Console) -> None:
         columns += [f"{situation.name}, without", "with"]
     body.append("<h2>Least clearance of every fault in m (0: collision)</h2>")
     body.append(table_html(columns, case_rows([r for r in rows if r["table"] == "faults"])))
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out {out}: cannot be made ({error.strerror})") from error
     write_text(out / "closed-loop.json", json.dumps(rows, indent=1) + "\n")
     write_page(out / "closed-loop.html", "The closed loop", body)
     console.print(f"page: {out / 'closed-loop.html'}", highlight=False)
@@ -374,6 +372,7 @@ def main_closed_loop(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
     if options.jobs < 1:
         raise UserError(f"--jobs {options.jobs}: 1 or more is expected")
+    make_folder(options.out)
     console = Console(soft_wrap=True)
     leave(run_all(cases(options.full), options.jobs, console), options.out, console)
     return 0

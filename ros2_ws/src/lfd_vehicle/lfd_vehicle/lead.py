@@ -121,6 +121,8 @@ def _generated(text: str, name: str, peak: str) -> LeadMotion:
         profile: Profile = lead_profile(name, float(peak) if peak else None)
     except ValueError as error:
         raise UserError(f"--lead {text}: '{peak}' is no number of m/s^2") from error
+    except UserError as error:
+        raise UserError(f"--lead {text}: {error}") from error
     time = np.arange(round(profile.duration / STEP_S)) * STEP_S
     return LeadMotion(
         text,

@@ -6,6 +6,7 @@ from math import inf
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lfd_mpc.decision import FaultLevel
 from lfd_mpc.settings import STEP_S
@@ -62,8 +63,8 @@ class Safety:
 def safety_of(truth: Sequence[Any], levels: Iterable[int], collided: bool) -> Safety:
     """Figures of one run.
 
-    `truth` has `clearance`, `relative_velocity` and `host_acceleration` at each step; `levels` are
-    the fault levels decided at each step.
+    `truth` has `clearance`, `relative_velocity` and `host_acceleration` at each step, of which
+    there is one at least; `levels` are the fault levels decided at each step.
     """
     clearance = np.array([moment.clearance for moment in truth])
     velocity = np.array([moment.relative_velocity for moment in truth])
@@ -72,8 +73,6 @@ def safety_of(truth: Sequence[Any], levels: Iterable[int], collided: bool) -> Sa
     closing = velocity < -CLOSING
     times = clearance[closing] / -velocity[closing]
     felt = acceleration[round(SETTLED / STEP_S) :]
-    mean = np.convolve(felt, np.full(JERK_WINDOW, 1.0 / JERK_WINDOW), "valid")
-    jerk = np.abs(mean[JERK_WINDOW:] - mean[:-JERK_WINDOW]) / (JERK_WINDOW * STEP_S)
     above = level > FaultLevel.NORMAL
     begins = int(np.count_nonzero(above[1:] & ~above[:-1])) + int(above[:1].any())
     return Safety(
@@ -82,8 +81,16 @@ def safety_of(truth: Sequence[Any], levels: Iterable[int], collided: bool) -> Sa
         least_clearance=0.0 if collided else float(clearance.min()),
         least_time_to_collision=0.0 if collided else float(times.min(initial=inf)),
         largest_deceleration=float(max(-felt.min(initial=0.0), 0.0)),
-        largest_jerk=float(jerk.max(initial=0.0)),
+        largest_jerk=_largest_jerk(felt),
         intervened=float(above.mean()) if len(above) else 0.0,
         interventions=begins,
         worst_level=int(level.max(initial=0)),
     )
+
+
+def _largest_jerk(felt: NDArray[np.float64]) -> float:
+    """In m/s^3, of accelerations (n,) in m/s^2; 0 where they are too few to tell."""
+    if len(felt) < 2 * JERK_WINDOW:
+        return 0.0
+    mean = np.convolve(felt, np.full(JERK_WINDOW, 1.0 / JERK_WINDOW), "valid")
+    return float(np.abs(mean[JERK_WINDOW:] - mean[:-JERK_WINDOW]).max() / (JERK_WINDOW * STEP_S))

@@ -77,5 +77,22 @@ class VehicleSettings(Settings):
     seed: int = setting(0, "1", "seed of the sensors' noise", "own choice", fixed=True, ge=0)
 
 
-TABLES = {"vehicle_node": (VehicleSettings, False)}
+class VehicleNodeSettings(VehicleSettings):
+    """What is simulated, too, and how fast."""
+
+    lead: str = setting(
+        "data-1",
+        "1",
+        "the lead: a generated drive (data-1, braking:-6), a drive file, or steps "
+        "SPEED[,ACCELERATION@START-END...]",
+        "own choice",
+        fixed=True,
+    )
+    faults: str = setting("", "1", "fault texts, several separated by ;", "own choice", fixed=True)
+    rate: float = setting(
+        1.0, "1", "x real time; 0 = lockstep", "own choice", fixed=True, ge=0.0, le=100.0
+    )
+
+
+TABLES = {"vehicle_node": (VehicleNodeSettings, False)}
 """For docs/parameters.md."""

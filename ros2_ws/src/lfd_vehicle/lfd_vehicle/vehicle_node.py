@@ -2,21 +2,19 @@
 
 Give `lead` (a generated drive's lead, a drive, or steps such as 20,-3@10-14) and `faults`
 (`KIND:SIGNAL=VALUE@START-END`, several separated by ;) as parameters. `lead/acceleration`
-(std_msgs/Float64, m/s^2) steers the lead live.
+(std_msgs/Float64, m/s^2) steers the lead live. It ends with the run.
 """
 
 import sys
-import time
 from dataclasses import dataclass
 
 from geometry_msgs.msg import AccelStamped
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock as RosClock
 from rclpy.clock import ClockType
 from rclpy.context import Context
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Float64, String
+from std_msgs.msg import Float64
 from visualization_msgs.msg import MarkerArray
 
 from lfd_mpc.errors import UserError
@@ -24,8 +22,7 @@ from lfd_mpc.messages import from_time, to_message, to_time
 from lfd_mpc.node_process import run_node
 from lfd_mpc.node_support import (
     PIPELINE_QOS,
-    READY_QOS,
-    READY_TOPIC,
+    AwaitedNodes,
     ReadyAnnouncer,
     declare_settings,
 )
@@ -37,7 +34,7 @@ from lfd_replay.lockstep import ANSWERS, Lockstep, LockstepError
 from lfd_replay.sample_publishers import SamplePublishers
 from lfd_vehicle.lead import lead_motion
 from lfd_vehicle.markers import markers
-from lfd_vehicle.settings import VehicleSettings
+from lfd_vehicle.settings import VehicleNodeSettings
 from lfd_vehicle.vehicle import DivergenceError
 from lfd_vehicle.world import Scenario, World
 
@@ -49,9 +46,6 @@ LOOP_ANSWERS = {
 """What lockstep waits for in the closed loop."""
 
 LOOP_NODES = ("mpc_node", "observer_node", "diagnosis_node", "decision_node")
-
-READY_DEADLINE = 30.0
-"""Seconds of wall time that the nodes have to become ready."""
 
 MARKER_STEPS = 5
 """Steps between two pictures."""
@@ -88,21 +82,14 @@ class VehicleNode(Node):
     ) -> None:
         """Raises UserError for a lead, faults or parameters that cannot be."""
         super().__init__("vehicle_node", context=context, **node_options)
-        text = self._text_parameter("lead", "data-1", "lead: name, drive file or steps")
-        faults = self._text_parameter("faults", "", "fault texts, separated by ;")
-        rate_text = ParameterDescriptor(description="x real time; 0 = lockstep", read_only=True)
-        self._rate = float(self.declare_parameter("rate", 1.0, rate_text).value)
-        if not 0.0 <= self._rate <= 100.0:
-            raise UserError(f"parameter 'rate': {self._rate:g}; 0 (lockstep) to 100 is expected")
-        settings = declare_settings(self, VehicleSettings)
-        scenario = Scenario(lead_motion(text), tuple(parse_faults([faults])))
+        settings = declare_settings(self, VehicleNodeSettings)
+        scenario = Scenario(lead_motion(settings.lead), tuple(parse_faults([settings.faults])))
         self.world = World(scenario, settings, MpcSettings())
         self.total = scenario.lead.duration
         self.error: Exception | None = None
         self.done = False
         self._waiting: list[Sample] = []
-        self._missing = set(wait_for)
-        self._begun = time.monotonic()
+        self._awaited = AwaitedNodes(self, wait_for)
         self._clock = self.create_publisher(Clock, "/clock", 10)
         self._truth = self.create_publisher(VehicleTruth, "vehicle/truth", PIPELINE_QOS)
         self._markers = self.create_publisher(MarkerArray, "vehicle/markers", 10)
@@ -110,22 +97,23 @@ class VehicleNode(Node):
         self._outputs = SamplePublishers(self, PIPELINE_QOS, inputs)
         self.create_subscription(AccelStamped, "mpc/command", self._on_command, PIPELINE_QOS)
         self.create_subscription(Float64, "lead/acceleration", self._on_lead, 10)
-        self.create_subscription(String, READY_TOPIC, self._on_ready, READY_QOS)
         self._commanded = -1
         self._lockstep = (
-            Lockstep(self, LOOP_ANSWERS, 1, self._on_timer) if self._rate == 0.0 else None
+            Lockstep(self, LOOP_ANSWERS, ("decision",), self._on_timer)
+            if settings.rate == 0.0
+            else None
         )
         steady = RosClock(clock_type=ClockType.STEADY_TIME)
-        period = 0.1 if self._lockstep is not None else STEP_S / self._rate
+        period = 0.1 if self._lockstep is not None else STEP_S / settings.rate
         self._timer = self.create_timer(period, self._on_timer, clock=steady)
         ReadyAnnouncer(self, ["mpc/command"])
 
-    def _text_parameter(self, name: str, default: str, text: str) -> str:
-        descriptor = ParameterDescriptor(description=text, read_only=True)
-        return str(self.declare_parameter(name, default, descriptor).value)
-
-    def _on_ready(self, message: String) -> None:
-        self._missing.discard(message.data.rsplit("/", 1)[-1])
+    @property
+    def status(self) -> int | None:
+        """Exit status of a run that is over: 2 for a mistake of the user's, 1 for another error."""
+        if self.error is not None:
+            return 2 if isinstance(self.error, UserError) else 1
+        return 0 if self.done else None
 
     def _on_command(self, message: AccelStamped) -> None:
         try:
@@ -146,8 +134,8 @@ class VehicleNode(Node):
         if self.done or self.error is not None:
             return
         try:
-            if self._missing or (self.world.steps == 0 and not self._outputs.heard):
-                self._wait()
+            if self._awaited.missing or (self.world.steps == 0 and not self._outputs.heard):
+                self._awaited.check("someone to hear the sensors")
             elif self._lockstep is None:
                 self._advance()
             else:
@@ -155,14 +143,6 @@ class VehicleNode(Node):
         except (UserError, LockstepError, DivergenceError) as error:
             self.error = error
             self.get_logger().error(str(error))
-
-    def _wait(self) -> None:
-        if time.monotonic() - self._begun > READY_DEADLINE:
-            missing = ", ".join(sorted(self._missing)) or "someone to hear the sensors"
-            raise UserError(
-                f"waited {READY_DEADLINE:.0f} s for {missing} to be ready: are they running, in "
-                "the same ROS_DOMAIN_ID?"
-            )
 
     def _advance(self) -> None:
         for sample in self._now():
@@ -222,7 +202,7 @@ class VehicleNode(Node):
 
 def main() -> int:
     """Entry point of `lfd_vehicle vehicle_node`."""
-    return run_node(lambda: VehicleNode)
+    return run_node(lambda: VehicleNode, status=lambda node: node.status)
 
 
 if __name__ == "__main__":

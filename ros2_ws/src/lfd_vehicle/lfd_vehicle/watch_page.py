@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from lfd_diagnosis.verdict import State
 from lfd_mpc.decision import Action, FaultLevel
 from lfd_mpc.driving import Source
 from lfd_mpc.errors import UserError
@@ -18,7 +19,14 @@ from lfd_replay.text_file import write_text
 STRIDE = 5
 """Steps between two moments of the page: 20 a second."""
 
-STATES = ("NOT_READY", "OK", "SUSPECT", "FAULT", "NO_DATA", "NO_TARGET")
+TOPICS = (
+    "vehicle/truth",
+    "mpc/driving",
+    "diagnosis/faults",
+    "diagnosis/decision",
+    "mpc/horizon",
+)
+"""What the page is made of: without a message on each of these there is none."""
 
 VERDICTS = ("clearance", "relative_velocity", "acceleration", "host_speed")
 
@@ -52,13 +60,7 @@ def write_watch_page(bag: Path, page: Path, faults: list[Fault]) -> Path:
 
 def _read(bag: Path) -> dict[str, Any]:
     """What the page draws, by name, as lists of equal length."""
-    topics = {
-        "/vehicle/truth": [],
-        "/mpc/driving": [],
-        "/diagnosis/faults": [],
-        "/diagnosis/decision": [],
-        "/mpc/horizon": [],
-    }  # type: dict[str, list[Any]]
+    topics: dict[str, list[Any]] = {f"/{topic}": [] for topic in TOPICS}
     with open_bag(bag) as reader:
         chosen = [c for c in reader.connections if c.topic in topics]
         for connection, _, raw in reader.messages(chosen):
@@ -70,7 +72,7 @@ def _read(bag: Path) -> dict[str, Any]:
     time = np.array([_seconds(m) for m in truth])
     run: dict[str, Any] = {
         "time": _rounded(time),
-        "states": STATES,
+        "states": [state.name for state in State],
         "levels": [level.name for level in FaultLevel],
         "actions": [action.name for action in Action],
         "sources": [source.name for source in Source],

@@ -9,6 +9,7 @@ from scipy.signal import savgol_filter
 
 from lfd_diagnosis.verdict import SIGNALS, State
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR
+from lfd_mpc.settings import STEP_S
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.trace import JUDGED, Trace
 from lfd_replay.score import intervals
@@ -137,7 +138,7 @@ def index_statistics(traces: list[Trace]) -> IndexStatistics:
         std[signal] = float(values[signal].std()) if len(values[signal]) else np.nan
     known = np.isfinite(indices).all(axis=1)
     zero_share["all"] = float((indices[known] == 0.0).all(axis=1).mean()) if known.any() else np.nan
-    seconds = sum(len(trace.stamps) for trace in traces) * 0.01
+    seconds = sum(len(trace.stamps) for trace in traces) * STEP_S
     false_events = {
         signal: sum(
             len(intervals(trace.stamps, trace.state(signal) == State.FAULT)) for trace in traces

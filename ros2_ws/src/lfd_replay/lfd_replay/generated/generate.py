@@ -19,5 +19,5 @@ def generate_drive(name: str, seed: int, sensor: str, peak: float | None = None)
     """
     truth = drive_truth(name, peak)
     if sensor not in SENSORS:
-        raise UserError(f"make_drive: unknown sensor '{sensor}'; there are: {', '.join(SENSORS)}")
+        raise UserError(f"unknown sensor '{sensor}'; there are: {', '.join(SENSORS)}")
     return make_drive(name, SENSORS[sensor].sense(truth, seed, name))

@@ -141,7 +141,7 @@ def lead_profile(name: str, peak: float | None = None) -> Profile:
     if name == BRAKING:
         return _braking(-6.0 if peak is None else peak)
     if peak is not None:
-        raise UserError(f"make_drive: --peak belongs to '{BRAKING}', not to '{name}'")
+        raise UserError(f"a peak belongs to '{BRAKING}', not to '{name}'")
     if name in NORMAL:
         return _normal(name)
     if name in TRAFFIC:
@@ -151,13 +151,13 @@ def lead_profile(name: str, peak: float | None = None) -> Profile:
     if name not in _NAMED:
         many = ", ".join(f"{names[0]} to {names[-1]}" for names in (TRAFFIC, HILLY))
         names = f"{', '.join(NAMES)}, {many}"
-        raise UserError(f"make_drive: unknown drive '{name}'; there are: {names}")
+        raise UserError(f"unknown drive '{name}'; there are: {names}")
     return _NAMED[name]
 
 
 def _braking(peak: float) -> Profile:
     if not PEAKS[0] <= peak <= PEAKS[1]:
-        raise UserError(f"make_drive: --peak {peak:g}: {PEAKS[0]:g} to {PEAKS[1]:g} m/s^2 expected")
+        raise UserError(f"peak {peak:g}: {PEAKS[0]:g} to {PEAKS[1]:g} m/s^2 expected")
     speed, slower = 22.0, 14.0
     onset = -peak / ONSET
     # It lets go when the lead has lost so much speed, the ramps included.

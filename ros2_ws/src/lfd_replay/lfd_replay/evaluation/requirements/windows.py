@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lfd_diagnosis.verdict import State
 from lfd_mpc.samples import HOST_SPEED, LEAD_ACCELERATION, Sample, ScalarSample
+from lfd_mpc.settings import STEP_S
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
 from lfd_replay.evaluation.mishaps import MISHAPS
@@ -252,7 +253,7 @@ def run_windows(run: Run, recorded: Path | None) -> dict[str, dict]:
             "ready": {
                 name: float(ready[view.times > 1.0].mean()) for name, ready in view.ready.items()
             },
-            "hours": len(view.times) * 0.01 / 3600.0,
+            "hours": len(view.times) * STEP_S / 3600.0,
         }
         for profile, view in seen.items()
     }
