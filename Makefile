@@ -34,7 +34,7 @@ test: setup
 	@tools/test
 
 soak: setup
-	@LFD_SOAK=1 tools/test tests/test_breakage.py tests/test_fuzzed_files.py -q
+	@LFD_SOAK=1 tools/test tests/test_breakage.py tests/test_fuzzed_files.py tests/test_container.py -q
 
 lint: setup
 	@.venv/bin/ruff check . && .venv/bin/ruff format --check .

@@ -3,6 +3,7 @@
 Without it the first start of a node after installation or a change of the sources takes longer.
 """
 
+import argparse
 import shutil
 import sys
 import time
@@ -93,6 +94,7 @@ def _drawings() -> None:
 
 def main() -> int:
     """Entry point of `lfd_bringup compile_all`."""
+    argparse.ArgumentParser(prog="compile_all", description=__doc__).parse_args()
     if (cache_folder() / COMPLETE).is_file():
         return 0
     print("compile: the algorithm, once after a change (a minute)", flush=True)

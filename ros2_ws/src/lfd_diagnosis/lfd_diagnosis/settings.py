@@ -196,7 +196,7 @@ class FaultHandling(Settings):
     """The robust profile's settings for all signals."""
 
     profile: Literal["robust", "paper"] = setting(
-        "robust", "1", "robust, or paper: as published", "algorithm notes, section 7"
+        "robust", "1", "robust, or paper: as published", "docs/robust.md"
     )
     learn_noise: bool = setting(
         True, "1", "learn each sensor's noise and lag while it is healthy", ROBUST
@@ -224,7 +224,7 @@ class FaultHandling(Settings):
         5.0,
         "s",
         "agreement of a new target, or of host speed or V2V, after which it is believed again",
-        "algorithm notes, section 7",
+        "docs/robust.md",
         gt=0.0,
         le=600.0,
     )
@@ -243,7 +243,7 @@ class DiagnosisSettings(
         0.15,
         "m",
         "standard deviation r1 of the radar's clearance",
-        "algorithm notes, eq 25",
+        "docs/algorithm.md, eq 25",
         ge=0.0,
         le=10.0,
     )
@@ -251,7 +251,7 @@ class DiagnosisSettings(
         0.08,
         "m/s",
         "standard deviation r2 of the radar's relative velocity",
-        "algorithm notes, eq 25",
+        "docs/algorithm.md, eq 25",
         ge=0.0,
         le=10.0,
     )
@@ -288,7 +288,7 @@ class DiagnosisSettings(
         le=1000,
     )
     confidence_max: int = setting(
-        20, "steps", "ceiling of the confidence", "algorithm notes, section 5", ge=1, le=1000
+        20, "steps", "ceiling of the confidence", "docs/algorithm.md, section 6", ge=1, le=1000
     )
 
     @model_validator(mode="after")

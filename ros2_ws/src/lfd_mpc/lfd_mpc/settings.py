@@ -171,7 +171,7 @@ class DrivingSettings(Settings):
         0.15,
         "s",
         "age of the decision above which it is taken for lost: the car is stopped comfortably",
-        "contract: 0.15 s",
+        "docs/closed-loop.md",
         gt=0.02,
         le=5.0,
     )
@@ -184,32 +184,32 @@ class MpcSettings(DrivingSettings, HorizonSettings):
         1.5,
         "s",
         "preview time t_p of the desired clearance",
-        "algorithm notes, eq 1",
+        "docs/algorithm.md, eq 1",
         ge=0.0,
         le=10.0,
     )
     minimum_clearance: float = setting(
-        5.0, "m", "clearance c_0 wanted at standstill", "algorithm notes, eq 1", ge=0.0, le=100.0
+        5.0, "m", "clearance c_0 wanted at standstill", "docs/algorithm.md, eq 1", ge=0.0, le=100.0
     )
     weight_slope: float = setting(
         2.0,
         "1",
         "slope beta of the tanh weights along the horizon",
-        "algorithm notes, eq 3",
+        "docs/algorithm.md, eq 3",
         gt=0.0,
         le=100.0,
     )
     clearance_weight: float = setting(
-        1.0, "1", "weight q1 of the clearance error", "algorithm notes, eq 3", ge=0.0, le=1e6
+        1.0, "1", "weight q1 of the clearance error", "docs/algorithm.md, eq 3", ge=0.0, le=1e6
     )
     relative_velocity_weight: float = setting(
-        1.0, "1", "weight q2 of the relative velocity", "algorithm notes, eq 3", ge=0.0, le=1e6
+        1.0, "1", "weight q2 of the relative velocity", "docs/algorithm.md, eq 3", ge=0.0, le=1e6
     )
     input_weight: float = setting(
         10.0,
         "1",
         "weight R of changes of the input along the horizon",
-        "algorithm notes, eq 4",
+        "docs/algorithm.md, eq 4",
         ge=0.0,
         le=1e9,
     )
@@ -217,7 +217,7 @@ class MpcSettings(DrivingSettings, HorizonSettings):
         -5.0,
         "m/s^2",
         "lower limit of the planned acceleration",
-        "algorithm notes, eq 6",
+        "docs/algorithm.md, eq 6",
         ge=-20.0,
         le=0.0,
     )
@@ -225,7 +225,7 @@ class MpcSettings(DrivingSettings, HorizonSettings):
         3.0,
         "m/s^2",
         "upper limit of the planned acceleration",
-        "algorithm notes, eq 6",
+        "docs/algorithm.md, eq 6",
         ge=0.0,
         le=20.0,
     )

@@ -57,13 +57,18 @@ class BankSettings(HorizonSettings, LeadMotion):
         le=1.0,
     )
     injection_gain: float = setting(
-        10.0, "m/s^2", "magnitude rho of the injection", "algorithm notes, eq 18", gt=0.0, le=1000.0
+        10.0,
+        "m/s^2",
+        "magnitude rho of the injection",
+        "docs/algorithm.md, eq 18",
+        gt=0.0,
+        le=1000.0,
     )
     injection_filter_time: float = setting(
         0.1,
         "s",
         "time constant of the low-pass that gives the equivalent injection",
-        "algorithm notes, eq 21",
+        "docs/algorithm.md, eq 21",
         ge=0.01,
         le=10.0,
     )
@@ -71,7 +76,7 @@ class BankSettings(HorizonSettings, LeadMotion):
         0.0,
         "m + m/s",
         "output error within which the injection is proportional; 0 = sign",
-        "algorithm notes, eq 18",
+        "docs/algorithm.md, eq 18",
         ge=0.0,
         le=10.0,
     )

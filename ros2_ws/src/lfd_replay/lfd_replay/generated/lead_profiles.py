@@ -132,6 +132,11 @@ PEAKS = (-8.0, -0.5)
 NAMES = (*_NAMED, BRAKING, *NORMAL)
 """Every drive there is, but for those of `TRAFFIC` and `HILLY`."""
 
+THERE_ARE = ", ".join(
+    (*_NAMED, BRAKING, *(f"{names[0]} to {names[-1]}" for names in (NORMAL, TRAFFIC, HILLY)))
+)
+"""Every drive there is, in words."""
+
 
 def lead_profile(name: str, peak: float | None = None) -> Profile:
     """A profile by name; `peak` in m/s^2 belongs to `braking`.
@@ -149,9 +154,7 @@ def lead_profile(name: str, peak: float | None = None) -> Profile:
     if name in HILLY:
         return _hilly(name)
     if name not in _NAMED:
-        many = ", ".join(f"{names[0]} to {names[-1]}" for names in (TRAFFIC, HILLY))
-        names = f"{', '.join(NAMES)}, {many}"
-        raise UserError(f"unknown drive '{name}'; there are: {names}")
+        raise UserError(f"unknown drive '{name}'; there are: {THERE_ARE}")
     return _NAMED[name]
 
 
