@@ -13,6 +13,7 @@ import pytest
 
 from lfd_diagnosis.verdict import State
 from lfd_mpc.errors import UserError
+from lfd_mpc.samples import UNKNOWN_TRACK
 from lfd_replay.calibrate import main_calibrate
 from lfd_replay.check_requirements import main_check
 from lfd_replay.drawing.paper_figures import detector_curves
@@ -34,12 +35,14 @@ from lfd_replay.evaluation.kalman import KalmanGate, LeadModel
 from lfd_replay.evaluation.normal_driving import lead_acceleration, scan_deviations
 from lfd_replay.evaluation.requirements import campaign as requirements
 from lfd_replay.evaluation.requirements import plan
+from lfd_replay.evaluation.requirements.judge import Judge
 from lfd_replay.evaluation.requirements.windows import (
     CLEAR_FOR,
     WATCHED,
     Seen,
     clear_from,
     false_events,
+    made_of,
 )
 from lfd_replay.evaluation.statistics import median, rate
 from lfd_replay.evaluation.summary import case_rows, equal_rows, summary, tables
@@ -175,27 +178,84 @@ def double(value: int) -> int:
     return 2 * value
 
 
-def test_a_fault_that_goes_on_after_a_silence_is_no_false_event_and_one_after_it_is() -> None:
-    times = np.arange(0.0, 12.0, 0.1)
-    none = np.zeros(len(times), dtype=bool)
+TIMES = np.arange(0.0, 12.0, 0.1)
+NONE = np.zeros(len(TIMES), dtype=bool)
 
-    def within(*spans: tuple[float, float]) -> np.ndarray:
-        return np.any([(times > a - 0.05) & (times < b - 0.05) for a, b in spans], axis=0)
+Spans = tuple[tuple[float, float], ...]
 
-    # Faulty from 2 s to 4 s, then silent for 2 s; called faulty until 6.5 s and once more at 9 s.
-    flags = within((1.0, 1.2), (2.1, 4.0), (6.0, 6.5), (9.0, 9.2))
-    silent = within((4.0, 6.0))
-    by_signal = {name: none for name in WATCHED}
-    seen = Seen(
-        times,
-        np.zeros(len(times), dtype=np.int64),
-        by_signal | {"clearance": flags},
-        {name: ~none for name in WATCHED},
-        by_signal | {"clearance": silent},
-        *({name: np.full(len(times), np.nan) for name in WATCHED} for _ in range(3)),
-        np.full((len(times), 3), np.nan),
-        np.full((len(times), 3), np.nan),
+
+def within(spans: Spans) -> np.ndarray:
+    return np.any([NONE, *((a - 0.05 < TIMES) & (b - 0.05 > TIMES) for a, b in spans)], axis=0)
+
+
+def view_of(flagged: Spans, silent: Spans = (), targets: np.ndarray | None = None) -> Seen:
+    """What is said of a clearance, all else being healthy; rebuilt as 0 +- 1."""
+    by_signal = {name: NONE for name in WATCHED}
+    return Seen(
+        TIMES,
+        np.zeros(len(TIMES), dtype=np.int64) if targets is None else targets,
+        by_signal | {"clearance": within(flagged)},
+        {name: ~NONE for name in WATCHED},
+        by_signal | {"clearance": within(silent)},
+        *({name: np.zeros(len(TIMES)) for name in WATCHED} for _ in range(3)),
+        np.zeros((len(TIMES), 3)),
+        np.ones((len(TIMES), 3)),
     )
+
+
+def made_of_clearance(view: Seen, unseen: Spans = ()) -> dict:
+    """Of a fault from 5 to 7 s; the healthy radar sees nothing meanwhile."""
+    (fault,) = parse_faults(["offset:clearance=4@5-7"])
+    healthy = np.zeros((len(TIMES), 4))
+    healthy[within(unseen)] = np.nan
+    return made_of(view, np.zeros((len(TIMES), 4)), healthy, fault)
+
+
+def test_a_flag_that_stood_before_a_fault_does_not_find_it() -> None:
+    made = made_of_clearance(view_of(((5.3, 7.2),)))
+    assert made["signals"]["clearance"]["delay"] == pytest.approx(0.3)
+    made = made_of_clearance(view_of(((4.0, 7.2),)))
+    assert made["signals"]["clearance"]["delay"] is None
+    made = made_of_clearance(view_of(((4.0, 5.5), (6.0, 7.2))))
+    assert made["signals"]["clearance"]["delay"] == pytest.approx(1.0)
+
+
+def test_what_the_end_of_a_fault_that_was_missed_raises_is_a_false_event() -> None:
+    faults = parse_faults(["offset:clearance=4@5-7"])
+    assert false_events(view_of(((7.2, 9.0),)), faults)["clearance"] == [7.2]
+    assert not false_events(view_of(((5.2, 6.9), (7.2, 9.0))), faults)["clearance"]
+    # Of a healthy signal it is blame, which is counted as such.
+    other = parse_faults(["offset:relative_velocity=4@5-7"])
+    assert not false_events(view_of(((7.2, 9.0),)), other)["clearance"]
+
+
+@pytest.mark.parametrize(("unseen", "one"), [((6.0, 6.4), True), ((6.0, 6.9), False)])
+def test_a_target_goes_on_through_lost_scans_whatever_the_diagnosis_says(unseen, one) -> None:
+    targets = np.where(within((unseen,)), UNKNOWN_TRACK, 3)
+    view = view_of((), silent=((2.0, 9.0),), targets=targets)
+    assert made_of_clearance(view, (unseen,))["one_target"] is one
+    targets = np.where(TIMES > 8.0, 4, targets)
+    assert not made_of_clearance(replace(view, targets=targets))["one_target"]
+
+
+def test_a_value_that_is_not_valid_is_not_rebuilt() -> None:
+    view = view_of(((5.1, 7.0),))
+    rebuilt = made_of_clearance(view)["rebuilt"]["clearance"]
+    assert rebuilt["worst"] == 0.0 and rebuilt["steps"] == rebuilt["flagged"] == 19
+    view.rebuilt[TIMES > 5.5] = np.nan
+    rebuilt = made_of_clearance(view)["rebuilt"]["clearance"]
+    assert rebuilt["worst"] is None and rebuilt["steps"] == 5 and rebuilt["flagged"] == 19
+
+
+def test_no_window_at_all_meets_nothing() -> None:
+    judge = Judge("a row", "robust", [])
+    judge.share("found", [], 0.99)
+    assert judge.findings[0].met is False and judge.findings[0].value == "of none"
+
+
+def test_a_fault_that_goes_on_after_a_silence_is_no_false_event_and_one_after_it_is() -> None:
+    # Faulty from 2 s to 4 s, then silent for 2 s; called faulty until 6.5 s and once more at 9 s.
+    seen = view_of(((1.0, 1.2), (2.1, 4.0), (6.0, 6.5), (9.0, 9.2)), silent=((4.0, 6.0),))
     faults = parse_faults(["offset:clearance=4@2-4"])
     assert false_events(seen, faults) == {name: [] for name in WATCHED} | {"clearance": [1.0, 9.0]}
     assert false_events(seen, [])["clearance"] == [1.0, 2.1, 6.0, 9.0]

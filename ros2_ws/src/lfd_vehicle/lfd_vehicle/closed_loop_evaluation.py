@@ -294,9 +294,9 @@ def goals(rows: list[dict[str, Any]]) -> list[tuple[str, bool, str]]:
     interventions = sum(row["interventions"] for row in healthy)
     return [
         (f"{MUST_COLLIDE} behind a braking lead, without: collides or nearly so",
-         len(bad) == half, f"{len(bad)} of {half}"),
+         0 < len(bad) == half, f"{len(bad)} of {half}"),
         ("the same with the diagnosis: never collides",
-         len(safe) == half, f"{len(safe)} of {half}"),
+         0 < len(safe) == half, f"{len(safe)} of {half}"),
         ("no collision with any fault", collided == 0, f"{collided} of {len(with_it)}"),
         (f"never below {NEARLY:g} m with any fault", near == 0, f"{near} of {len(with_it)}"),
         ("no intervention on healthy drives", interventions == 0,

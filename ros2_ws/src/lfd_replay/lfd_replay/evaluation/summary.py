@@ -292,13 +292,13 @@ def equal_rows(rows_of_cells: list[dict]) -> Rows:
                     f"{kind} {signal}{with_others}",
                     "" if size is None else f"{size:g}",
                     name,
-                    f"{row['detected']:.0%}",
+                    f"{row['detected']:.1%}",
                     _milliseconds(row["delay_s"]),
                     *(
                         text
                         for robust in own
                         for text in (
-                            f"{robust['detected']:.0%}",
+                            f"{robust['detected']:.1%}",
                             _milliseconds(robust["delay_s"]),
                             worse_in(robust, row),
                         )

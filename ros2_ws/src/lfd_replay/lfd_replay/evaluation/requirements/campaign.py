@@ -84,7 +84,7 @@ def _among_hills(title: str, extent: Extent, sensor: str) -> Iterator[Row]:
     runs = plan.in_traffic(extent, sensor, drives=HILLY)
     yield Row(f"{title}: healthy", tuple(runs), judges.judge_healthy)
     blind = plan.in_traffic(extent, sensor, host_speed=False, drives=HILLY)
-    yield Row(f"{title}, no host speed: healthy", tuple(blind), Judge.no_false_events)
+    yield Row(f"{title}, no host speed: healthy", tuple(blind), judges.judge_blind)
     for size in (2.0, 4.0):
         values = (("acceleration", size),)
         runs = plan.faults_in_traffic(extent, "offset", values, True, sensor=sensor, drives=HILLY)
@@ -117,7 +117,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
             runs = plan.spread("offset", ((signal, size),), extent.normal, extent.seeds)
             runs_of_signal += runs
             title = f"offset {signal} +-{size:g}"
-            add(title, runs, partial(judges.judge_offset, size=size))
+            add(title, runs, judges.judge_offset)
         add(f"offset {signal}, rebuilt", runs_of_signal, rebuilt)
     radar = plan.PAPER[:2]
     long = plan.spread("offset", radar, extent.normal, extent.seeds, plan.LONG_LENGTH, signed=False)
@@ -131,7 +131,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
             add(f"real leads: {name}, rebuilt", plan.as_driven(runs), of_recorded)
         for signal in plan.OFFSETS:
             runs = plan.real(extent, "offset", ((signal, 2.0),), signed=True)
-            add(f"real leads: {signal} +-2", runs, partial(judges.judge_offset, size=2.0))
+            add(f"real leads: {signal} +-2", runs, judges.judge_offset)
             add(f"real leads: {signal} +-2, rebuilt", plan.as_driven(runs), of_recorded)
         for kind, judge in JUDGES.items():
             for signal, value in KINDS[kind].items():
@@ -146,7 +146,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
         add(f"{title}: healthy", plan.views(extent, True), judges.judge_healthy)
         # Without host speed it takes a lead to be ready.
         blind = plan.views(extent, False)
-        add(f"{title}, no host speed: healthy", blind, Judge.no_false_events)
+        add(f"{title}, no host speed: healthy", blind, judges.judge_blind)
         for name, values in plan.COMBINATIONS.items():
             runs = plan.faults_in_views(extent, values)
             add(f"{title}: {name}", runs, judges.judge_found_in_views)
@@ -169,16 +169,16 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
         for name, values in plan.COMBINATIONS.items():
             runs = plan.recorded_sensors(extent, values, signed=False)
             add(f"{title}: {name}", runs, judges.judge_long)
-            add(f"{title}: {name}, rebuilt", runs, of_recorded)
+            add(f"{title}: {name}, rebuilt", runs, rebuilt)
         for signal in plan.OFFSETS:
             runs = plan.recorded_sensors(extent, ((signal, 2.0),), signed=True)
-            add(f"{title}: {signal} +-2", runs, partial(judges.judge_offset, size=2.0))
-            add(f"{title}: {signal} +-2, rebuilt", runs, of_recorded)
+            add(f"{title}: {signal} +-2", runs, judges.judge_offset)
+            add(f"{title}: {signal} +-2, rebuilt", runs, rebuilt)
         made += _among_hills("recorded sensors among hills", extent, RECORDED_SENSORS)
         title = "a phone in traffic"
         add(f"{title}: healthy", plan.phones_in_traffic(extent, True), judges.judge_healthy)
         blind = plan.phones_in_traffic(extent, False)
-        add(f"{title}, no host speed: healthy", blind, Judge.no_false_events)
+        add(f"{title}, no host speed: healthy", blind, judges.judge_blind)
         runs = plan.faults_by_phones_in_traffic(extent, plan.PAPER[2:])
         add(f"{title}: acceleration", runs, judges.judge_in_traffic)
         # Joined to a table it would be the same road, felt less well.
@@ -186,7 +186,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
     title = "random sensors in traffic"
     add(f"{title}: healthy", plan.in_traffic(extent, RANDOM_SENSORS), judges.judge_healthy)
     blind = plan.in_traffic(extent, RANDOM_SENSORS, host_speed=False)
-    add(f"{title}, no host speed: healthy", blind, Judge.no_false_events)
+    add(f"{title}, no host speed: healthy", blind, judges.judge_blind)
     for name, values in plan.COMBINATIONS.items():
         runs = plan.faults_in_traffic(extent, "offset", values, False, sensor=RANDOM_SENSORS)
         add(f"{title}: {name}", runs, judges.judge_in_traffic)
@@ -212,7 +212,10 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
             runs = plan.spread(
                 kind, ((signal, value),), extent.few, extent.seeds[:1], length, signed
             )
-            add(f"{kind} {signal}", runs, JUDGES.get(kind, judges.judge_other))
+            judge = judges.judge_other
+            if kind in JUDGES:
+                judge = partial(judges.judge_kind, as_elsewhere=JUDGES[kind])
+            add(f"{kind} {signal}", runs, judge)
     for signal, value in OUTLIERS:
         runs = plan.spread("spike", ((signal, value),), extent.few, extent.seeds[:1])
         add(f"single outliers of {signal}", runs, partial(_judge_outliers, signal=signal))
@@ -306,6 +309,8 @@ def _judge_v2v_rebuilt(judge: Judge) -> None:
         total = sum(n for _, n in steps)
         rms = (sum(s * n for s, n in steps) / total) ** 0.5 if total else float("nan")
         judge.add(f"{signal} rebuilt over 4 s, rms", f"{rms:.2f}")
+        flagged = sum(r["flagged"] for r in rebuilt)
+        judge.add(f"{signal} valid meanwhile", f"{total / max(flagged, 1):.1%} of {flagged} steps")
     judge.no_false_events()
 
 

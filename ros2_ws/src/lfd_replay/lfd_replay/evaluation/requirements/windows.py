@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_diagnosis.verdict import State
-from lfd_mpc.samples import HOST_SPEED, LEAD_ACCELERATION, Sample, ScalarSample
+from lfd_mpc.samples import (
+    HOST_SPEED,
+    LEAD_ACCELERATION,
+    UNKNOWN_TRACK,
+    Sample,
+    ScalarSample,
+)
 from lfd_mpc.settings import STEP_S
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
@@ -44,6 +50,12 @@ NEAREST = "nearest in path"
 
 WATCHED = (*JUDGED, "host_speed")
 """The signals whose verdicts are kept."""
+
+FOLLOWS = 1.0
+"""Seconds after a fault in which a flag is still its own."""
+
+LOST_FOR = 0.5
+"""Seconds without a lead after which it is not one that goes on."""
 
 CLEAR_FOR = 1.0
 """Seconds for which a signal must stay unflagged before its fault counts as over."""
@@ -236,6 +248,11 @@ def _collect(times: Array, targets: NDArray[np.int64], outcomes: NDArray[np.void
     )
 
 
+def begins(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Steps (n,) at which a signal is flagged anew."""
+    return flags & ~np.append(False, flags[:-1])
+
+
 def first(times: Array, marked: NDArray[np.bool_]) -> float | None:
     """Time of the first marked step; None where there is none."""
     where = np.flatnonzero(marked)
@@ -248,12 +265,12 @@ def run_windows(run: Run, recorded: Path | None) -> dict[str, dict]:
     error = measured - healthy
     return {
         profile: {
-            "windows": [_window(view, error, healthy, fault) for fault in faults],
+            "windows": [made_of(view, error, healthy, fault) for fault in faults],
             "false": false_events(view, faults),
             "ready": {
                 name: float(ready[view.times > 1.0].mean()) for name, ready in view.ready.items()
             },
-            "hours": len(view.times) * STEP_S / 3600.0,
+            "hours": _hours(view, faults),
         }
         for profile, view in seen.items()
     }
@@ -264,21 +281,32 @@ def false_events(view: Seen, faults: list[Fault]) -> dict[str, list[float]]:
 
     What follows a fault: the second after it, and all until the signal is neither flagged nor
     silent. A flag that silence interrupts, and that goes on as the sensor is back, does not begin
-    there.
+    there; one of a faulty signal that was not flagged before its fault was over does.
     """
     times = view.times
-    begins = {}
+    begun = {}
     for name in WATCHED:
         flags = view.flags[name]
         near = np.zeros(len(times), dtype=bool)
         for fault in faults:
             start, end = fault.start * 1e-9, fault.end * 1e-9
+            inside = (times >= start) & (times < end)
+            near |= inside
+            if name in fault.signals and not ((flags | view.silent[name]) & inside).any():
+                continue
             over = first(times, ~(flags | view.silent[name]) & (times >= end))
-            until = np.inf if over is None else max(end + 1.0, over)
-            near |= (times >= start) & (times < until)
-        begin = flags & ~np.append(False, flags[:-1]) & ~near
-        begins[name] = times[begin].round(3).tolist()
-    return begins
+            until = np.inf if over is None else max(end + FOLLOWS, over)
+            near |= (times >= end) & (times < until)
+        begun[name] = times[begins(flags) & ~near].round(3).tolist()
+    return begun
+
+
+def _hours(view: Seen, faults: list[Fault]) -> float:
+    """Hours in which a flag would be a false event."""
+    counts = np.ones(len(view.times), dtype=bool)
+    for fault in faults:
+        counts &= (view.times < fault.start * 1e-9) | (view.times >= fault.end * 1e-9 + FOLLOWS)
+    return int(counts.sum()) * STEP_S / 3600.0
 
 
 def clear_from(times: Array, flags: NDArray[np.bool_], end: float) -> float | None:
@@ -287,8 +315,11 @@ def clear_from(times: Array, flags: NDArray[np.bool_], end: float) -> float | No
     return first(times, (times >= end) & (next_flag - times >= CLEAR_FOR))
 
 
-def _window(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
+def made_of(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
     """One fault: delays, blame, kind, size, and how well the signals were rebuilt.
+
+    `error` and `healthy` (n, 4): what the signals were off by, and what they should have been. A
+    fault is found where a flag begins inside its window: one that stood before says nothing of it.
 
     `drives`: whether the car drove faster than at a crawl, by tenths of a second, as `rms` is.
     """
@@ -297,15 +328,15 @@ def _window(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
     inside = (times >= start) & (times < end)
     drives = ~(healthy[:, WATCHED.index(HOST_SPEED)] < CRAWL)
     signals = {}
-    for name in fault.signals:
+    for name, value in fault.values:
         flags = view.flags[name]
-        at = first(times, flags & inside)
+        at = first(times, begins(flags) & inside)
         clear = clear_from(times, flags, end)
         gone = view.silent[name]
         back = first(times, ~gone & view.ready[name] & ~flags & (times >= end))
         signals[name] = {
             "delay": None if at is None else at - start,
-            "already": bool(flags[max(np.searchsorted(times, start) - 1, 0)]),
+            "injected": value,
             "fraction": float(flags[inside].mean()) if inside.any() else None,
             "clear": None if clear is None else clear - end,
             "silent_after": _after(first(times, gone & inside), start),
@@ -318,8 +349,7 @@ def _window(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
     around = (times >= start - AFTER) & (times < end + AFTER)
     return {
         "signals": signals,
-        "one_target": bool(np.ptp(view.targets[around]) == 0)
-        and not view.silent["clearance"][around].any(),
+        "one_target": _is_one(times[around], view.targets[around], np.isnan(healthy[around, 0])),
         "blamed": [
             name
             for name in WATCHED
@@ -327,6 +357,15 @@ def _window(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
         ],
         "rebuilt": _rebuilt(view, healthy, fault, inside, times, start),
     }
+
+
+def _is_one(times: Array, targets: NDArray[np.int64], unseen: NDArray[np.bool_]) -> bool:
+    """Whether one target goes on: the same id, as far as there is one, and not `unseen` (n,) for
+    long. Of the healthy radar, whatever the diagnosis makes of it."""
+    known = targets[targets != UNKNOWN_TRACK]
+    seen = np.concatenate((times[:1], times[~unseen], times[-1:]))
+    same = len(known) == 0 or np.ptp(known) == 0
+    return bool(same and np.diff(seen).max() <= LOST_FOR + 1.5 * STEP_S)
 
 
 def _after(at: float | None, zero: float) -> float | None:
@@ -386,15 +425,18 @@ def _rebuilt(
     for k, name in enumerate(JUDGED):
         if name not in fault.signals:
             continue
-        flagged = inside & view.flags[name]
+        # Where the healthy sensor itself says nothing there is nothing to be held against.
+        flagged = inside & view.flags[name] & np.isfinite(healthy[:, k])
         off = view.rebuilt[:, k] - healthy[:, k]
         valid = flagged & np.isfinite(off)
-        early = valid & (times < start + 1.0)
+        early = flagged & (times < start + 1.0)
         covered = np.abs(off[valid]) <= 1.96 * view.rebuilt_std[valid, k]
         result[name] = {
-            "worst": float(np.abs(off[early]).max()) if early.any() else None,
+            "worst": float(np.abs(off[early]).max())
+            if valid[early].all() and early.any()
+            else None,
             "rms": float(np.sqrt(np.mean(off[valid] ** 2))) if valid.any() else None,
-            "valid": float(valid.sum() / flagged.sum()) if flagged.any() else None,
+            "flagged": int(flagged.sum()),
             "covered": int(covered.sum()),
             "steps": int(valid.sum()),
         }
