@@ -437,7 +437,7 @@ def test_an_older_drive_is_replaced(tmp_path: Path) -> None:
             ["x"],
             "unknown drive 'x'; there are: "
             "data-1, data-2, data-3, cut-in, stop-and-go, hill, bumps, braking, "
-            "normal-01 to normal-27, traffic-01 to traffic-99, hilly-01 to hilly-66",
+            "normal-01 to normal-27, traffic-01 to traffic-198, hilly-01 to hilly-132",
         ),
         (
             ["data-1", "--sensor", "y"],

@@ -18,7 +18,7 @@ from lfd_replay.evaluation.cases import RECORDED, load_drive
 from lfd_replay.evaluation.recorded_tracks import recorded_tracks
 from lfd_replay.evaluation.recorded_views import View, felt_by, tabled
 from lfd_replay.generated.generate import drive_truth
-from lfd_replay.generated.lead_profiles import HILLY, TRAFFIC
+from lfd_replay.generated.lead_profiles import IN_TRAFFIC
 from lfd_replay.generated.sensor_models import FeltPlan, Radar, SensorSuite, Speedometer, SpeedPlan
 
 Array = NDArray[np.float64]
@@ -87,7 +87,7 @@ def recorded_sensors_drive(
     scans = SUITE.radar.scans(
         truth, replace(plan.radar, clearance_noise=clearance, velocity_noise=rougher * velocity)
     )
-    if name in TRAFFIC or name in HILLY:
+    if name in IN_TRAFFIC:
         seen = _seen(len(scans), generator)
         scans = [scan for scan, there in zip(scans, seen, strict=True) if there]
     drive = make_drive(

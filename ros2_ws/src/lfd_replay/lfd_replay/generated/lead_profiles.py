@@ -28,6 +28,14 @@ TRAFFIC = tuple(f"traffic-{number:02d}" for number in range(1, 100))
 HILLY = tuple(f"hilly-{number:02d}" for number in range(1, 67))
 """Fault-free drives among hills, half of them in a town's steep streets."""
 
+NEW_TRAFFIC = tuple(f"traffic-{number}" for number in range(100, 199))
+NEW_HILLY = tuple(f"hilly-{number}" for number in range(67, 133))
+"""More of both, that no parameter was chosen on and no rule was made after: seeds change what the
+sensors say, but the leads and roads of the others are those that were looked at."""
+
+IN_TRAFFIC = frozenset((*TRAFFIC, *NEW_TRAFFIC, *HILLY, *NEW_HILLY))
+"""All of them."""
+
 SLOWEST, FASTEST = 7.0, 36.0
 """Speeds in m/s that the leads of normal drives keep between."""
 
@@ -130,10 +138,16 @@ PEAKS = (-8.0, -0.5)
 """Hardest and softest peak of a braking drive in m/s^2."""
 
 NAMES = (*_NAMED, BRAKING, *NORMAL)
-"""Every drive there is, but for those of `TRAFFIC` and `HILLY`."""
+"""Every drive there is, but for those of `IN_TRAFFIC`."""
 
 THERE_ARE = ", ".join(
-    (*_NAMED, BRAKING, *(f"{names[0]} to {names[-1]}" for names in (NORMAL, TRAFFIC, HILLY)))
+    (
+        *_NAMED,
+        BRAKING,
+        f"{NORMAL[0]} to {NORMAL[-1]}",
+        f"{TRAFFIC[0]} to {NEW_TRAFFIC[-1]}",
+        f"{HILLY[0]} to {NEW_HILLY[-1]}",
+    )
 )
 """Every drive there is, in words."""
 
@@ -149,9 +163,9 @@ def lead_profile(name: str, peak: float | None = None) -> Profile:
         raise UserError(f"a peak belongs to '{BRAKING}', not to '{name}'")
     if name in NORMAL:
         return _normal(name)
-    if name in TRAFFIC:
+    if name in (*TRAFFIC, *NEW_TRAFFIC):
         return _traffic(name)
-    if name in HILLY:
+    if name in (*HILLY, *NEW_HILLY):
         return _hilly(name)
     if name not in _NAMED:
         raise UserError(f"unknown drive '{name}'; there are: {THERE_ARE}")
@@ -170,9 +184,13 @@ def _braking(peak: float) -> Profile:
     )
 
 
+def _number(name: str) -> int:
+    return int(name.rpartition("-")[2])
+
+
 def _traffic(name: str) -> Profile:
     """Two minutes of a lead that changes its speed every few seconds, now and then to rest."""
-    generator = np.random.default_rng([29, int(name[-2:])])
+    generator = np.random.default_rng([29, _number(name)])
     first, speeds = _changing_speeds(generator, FASTEST)
     changes = tuple(
         Change(time, float(generator.choice((0.5, 0.7, 1.5, 2.0))), generator.uniform(-2, 2), 2 + k)
@@ -184,7 +202,7 @@ def _traffic(name: str) -> Profile:
 
 def _hilly(name: str) -> Profile:
     """Such a lead in a town built on hills, or on a road through them."""
-    number = int(name[-2:])
+    number = _number(name)
     generator = np.random.default_rng([31, number])
     town = number % 2 == 1
     first, speeds = _changing_speeds(generator, 14.0 if town else 22.0)
@@ -240,7 +258,7 @@ class _Raw:
 
 
 def _raw(name: str) -> _Raw:
-    generator = np.random.default_rng(int(name[-2:]))
+    generator = np.random.default_rng(_number(name))
     periods = np.exp(generator.uniform(np.log(8.0), np.log(40.0), 6))
     # Longer waves change the speed more; drivers keep the change of speed limited.
     amplitudes = generator.uniform(0.7, 1.3) * (periods / 15.0) ** -0.3

@@ -24,7 +24,7 @@ from lfd_replay.evaluation.requirements.judge import Finding, Judge, kinds_confu
 from lfd_replay.evaluation.requirements.plan import Extent
 from lfd_replay.evaluation.requirements.windows import NEAREST, Run, run_windows
 from lfd_replay.evaluation.trace import JUDGED
-from lfd_replay.generated.lead_profiles import HILLY, TRAFFIC
+from lfd_replay.generated.lead_profiles import HILLY, NEW_HILLY, NEW_TRAFFIC, TRAFFIC
 from lfd_replay.journal import Task
 
 KINDS = {
@@ -89,6 +89,19 @@ def _among_hills(title: str, extent: Extent, sensor: str) -> Iterator[Row]:
         values = (("acceleration", size),)
         runs = plan.faults_in_traffic(extent, "offset", values, True, sensor=sensor, drives=HILLY)
         yield Row(f"{title}: acceleration +-{size:g}", tuple(runs), judges.judge_in_traffic)
+
+
+NEW = {"in new traffic": NEW_TRAFFIC, "among new hills": NEW_HILLY}
+"""Drives that nothing was chosen on, by where they are."""
+
+
+def _on_new_roads(extent: Extent, sensors: dict[str, str]) -> Iterator[Row]:
+    """Healthy drives on roads that were not looked at while mending, as each sensor sees them."""
+    once = replace(extent, healthy_seeds=extent.healthy_seeds[:1])
+    for name, sensor in sensors.items():
+        for where, drives in NEW.items():
+            runs = plan.in_traffic(once, sensor, drives=drives)
+            yield Row(f"{name} {where}: healthy", tuple(runs), judges.judge_healthy)
 
 
 def rows(extent: Extent, recorded: bool) -> list[Row]:
@@ -183,6 +196,8 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
         add(f"{title}: acceleration", runs, judges.judge_in_traffic)
         # Joined to a table it would be the same road, felt less well.
         made += _among_hills("a phone among hills", extent, PHONES[0])
+        sensors = {"recorded sensors": RECORDED_SENSORS, "a phone": PHONES[0]}
+        made += _on_new_roads(extent, sensors)
     title = "random sensors in traffic"
     add(f"{title}: healthy", plan.in_traffic(extent, RANDOM_SENSORS), judges.judge_healthy)
     blind = plan.in_traffic(extent, RANDOM_SENSORS, host_speed=False)
@@ -192,6 +207,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
         add(f"{title}: {name}", runs, judges.judge_in_traffic)
     made += _one_signal_in_traffic(title, extent, RANDOM_SENSORS)
     made += _among_hills("random sensors among hills", extent, RANDOM_SENSORS)
+    made += _on_new_roads(extent, {"random sensors": RANDOM_SENSORS})
     held = tuple((signal, None) for signal, _ in radar)
     frozen = plan.spread("hold", held, extent.few, extent.seeds, plan.LENGTH, signed=False)
     add("the whole radar held", frozen, judges.judge_held_radar)

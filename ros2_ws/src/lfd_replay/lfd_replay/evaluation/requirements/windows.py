@@ -37,7 +37,7 @@ from lfd_replay.evaluation.recorded_views import VIEWS, seen_by
 from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.generated.generate import drive_truth, generate_drive
-from lfd_replay.generated.lead_profiles import HILLY, TRAFFIC
+from lfd_replay.generated.lead_profiles import IN_TRAFFIC
 from lfd_replay.import_drive import join_drive
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import PROFILES, GraphSettings, graph_settings
@@ -98,7 +98,7 @@ class Run:
 def load(run: Run, recorded: Path | None) -> Drive:
     """The drive of a run."""
     if run.sensor in VIEWS and recorded is not None:
-        if run.drive in TRAFFIC or run.drive in HILLY:
+        if run.drive in IN_TRAFFIC:
             view = VIEWS[run.sensor]
             return recorded_sensors_drive(recorded, run.drive, run.seed, run.peak, view)
         return seen_by(run.sensor, load(replace(run, sensor="esr"), recorded), recorded)
