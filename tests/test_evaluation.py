@@ -220,13 +220,16 @@ def test_a_flag_that_stood_before_a_fault_does_not_find_it() -> None:
     assert made["signals"]["clearance"]["delay"] == pytest.approx(1.0)
 
 
-def test_what_the_end_of_a_fault_that_was_missed_raises_is_a_false_event() -> None:
+def test_what_is_called_faulty_only_once_it_is_over_is_said_so() -> None:
+    late = view_of(((7.2, 9.0),))
+    made = made_of_clearance(late)["signals"]["clearance"]
+    assert made["late"] and made["delay"] is None
+    assert not made_of_clearance(view_of(((5.2, 6.9), (7.2, 9.0))))["signals"]["clearance"]["late"]
+    assert not made_of_clearance(view_of(((8.2, 9.0),)))["signals"]["clearance"]["late"]
+    # In the second after a fault a flag is no false event, later on it is.
     faults = parse_faults(["offset:clearance=4@5-7"])
-    assert false_events(view_of(((7.2, 9.0),)), faults)["clearance"] == [7.2]
-    assert not false_events(view_of(((5.2, 6.9), (7.2, 9.0))), faults)["clearance"]
-    # Of a healthy signal it is blame, which is counted as such.
-    other = parse_faults(["offset:relative_velocity=4@5-7"])
-    assert not false_events(view_of(((7.2, 9.0),)), other)["clearance"]
+    assert not false_events(late, faults)["clearance"]
+    assert false_events(view_of(((8.2, 9.0),)), faults)["clearance"] == [8.2]
 
 
 @pytest.mark.parametrize(("unseen", "one"), [((6.0, 6.4), True), ((6.0, 6.9), False)])

@@ -287,3 +287,14 @@ def test_a_wheel_that_swings_while_braking_hard_is_no_fault(car: Car) -> None:
         swing = 1.2 * np.sin(np.pi * (k - 30) / 8) if 30 <= k < 46 else 0.0
         car.step(acceleration=braking, host_speed=swing)
     assert not car.faults_since(start)
+
+
+def test_a_speed_that_was_silent_is_judged_again_within_half_a_second(car: Car) -> None:
+    car.host_speed = False
+    car.drive(2.0)
+    car.host_speed = True
+    start = car.number
+    car.drive(1.0)
+    states = [outcome.report.host_speed.state for outcome in car.outcomes[start:]]
+    assert 0.01 * states.index(State.OK) <= 0.45
+    assert not car.faults_since(start)

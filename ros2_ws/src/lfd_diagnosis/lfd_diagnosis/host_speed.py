@@ -92,7 +92,7 @@ of it an equal sample is the same one again."""
 ROUGH_TIME, ROUGH_TIME_ALONE = 0.3, 1.5
 """Seconds of roughness that make a fault, and where nothing tells a bad road from a bad sensor."""
 
-SETTLING = 4.0
+SETTLING = 3.0
 """Filter times after which the derivative counts."""
 
 JERK_SHARE = share_of(JERK_FILTER)

@@ -210,7 +210,11 @@ def judge_kind(judge: Judge, as_elsewhere: Callable[[Judge], None]) -> None:
 def _over(judge: Judge) -> None:
     """Every fault that was found is over soon after its end."""
     for signal in judge.signals():
-        clear = [_clear_within(m, 1.5) for m in judge.of(signal) if m["delay"] is not None]
+        made = judge.of(signal)
+        late = sum(m["late"] for m in made)
+        if late:
+            judge.add(f"{signal} called faulty only once it was over", f"{late} of {len(made)}")
+        clear = [_clear_within(m, 1.5) for m in made if m["delay"] is not None]
         if clear:
             judge.share(f"{signal} clear within 1.5 s", clear, 0.99)
 

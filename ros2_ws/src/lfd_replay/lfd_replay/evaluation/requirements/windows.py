@@ -281,7 +281,7 @@ def false_events(view: Seen, faults: list[Fault]) -> dict[str, list[float]]:
 
     What follows a fault: the second after it, and all until the signal is neither flagged nor
     silent. A flag that silence interrupts, and that goes on as the sensor is back, does not begin
-    there; one of a faulty signal that was not flagged before its fault was over does.
+    there.
     """
     times = view.times
     begun = {}
@@ -290,13 +290,9 @@ def false_events(view: Seen, faults: list[Fault]) -> dict[str, list[float]]:
         near = np.zeros(len(times), dtype=bool)
         for fault in faults:
             start, end = fault.start * 1e-9, fault.end * 1e-9
-            inside = (times >= start) & (times < end)
-            near |= inside
-            if name in fault.signals and not ((flags | view.silent[name]) & inside).any():
-                continue
             over = first(times, ~(flags | view.silent[name]) & (times >= end))
             until = np.inf if over is None else max(end + FOLLOWS, over)
-            near |= (times >= end) & (times < until)
+            near |= (times >= start) & (times < until)
         begun[name] = times[begins(flags) & ~near].round(3).tolist()
     return begun
 
@@ -326,6 +322,7 @@ def made_of(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
     start, end = fault.start * 1e-9, fault.end * 1e-9
     times = view.times
     inside = (times >= start) & (times < end)
+    follows = (times >= end) & (times < end + FOLLOWS)
     drives = ~(healthy[:, WATCHED.index(HOST_SPEED)] < CRAWL)
     signals = {}
     for name, value in fault.values:
@@ -337,6 +334,7 @@ def made_of(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
         signals[name] = {
             "delay": None if at is None else at - start,
             "injected": value,
+            "late": not (flags & inside).any() and bool((begins(flags) & follows).any()),
             "fraction": float(flags[inside].mean()) if inside.any() else None,
             "clear": None if clear is None else clear - end,
             "silent_after": _after(first(times, gone & inside), start),
