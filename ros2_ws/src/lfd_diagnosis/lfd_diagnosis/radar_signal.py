@@ -145,7 +145,7 @@ def start_signal(signal, floor, std, lowest, learn):
     start_noise(signal.noise, first, lowest, 10.0 * first, learn, 400)
     start_roughness(signal.roughness, 16)
     start_repetition(signal.repetition, 8)
-    signal.residual_before = signal.leaning = signal.roughest = 0.0
+    signal.leaning = signal.roughest = 0.0
     signal.swung = signal.swings = 0.0
     signal.swings_for = 0
     signal.outliers = 0

@@ -46,6 +46,9 @@ JUDGES = {
 }
 """How some of them are judged."""
 
+JUDGE_BLIND = partial(judges.judge_healthy, ready=None)
+"""Healthy drives without host speed: it takes a lead to be ready there."""
+
 OUTLIERS = (("clearance", 4.0), ("relative_velocity", 5.0), ("acceleration", 4.0))
 """Spikes in m, m/s and m/s^2: the first sample of every second."""
 
@@ -84,7 +87,7 @@ def _among_hills(title: str, extent: Extent, sensor: str) -> Iterator[Row]:
     runs = plan.in_traffic(extent, sensor, drives=HILLY)
     yield Row(f"{title}: healthy", tuple(runs), judges.judge_healthy)
     blind = plan.in_traffic(extent, sensor, host_speed=False, drives=HILLY)
-    yield Row(f"{title}, no host speed: healthy", tuple(blind), judges.judge_blind)
+    yield Row(f"{title}, no host speed: healthy", tuple(blind), JUDGE_BLIND)
     for size in (2.0, 4.0):
         values = (("acceleration", size),)
         runs = plan.faults_in_traffic(extent, "offset", values, True, sensor=sensor, drives=HILLY)
@@ -157,9 +160,8 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
                 )
         title = "other sensors of the recorded car"
         add(f"{title}: healthy", plan.views(extent, True), judges.judge_healthy)
-        # Without host speed it takes a lead to be ready.
         blind = plan.views(extent, False)
-        add(f"{title}, no host speed: healthy", blind, judges.judge_blind)
+        add(f"{title}, no host speed: healthy", blind, JUDGE_BLIND)
         for name, values in plan.COMBINATIONS.items():
             runs = plan.faults_in_views(extent, values)
             add(f"{title}: {name}", runs, judges.judge_found_in_views)
@@ -191,7 +193,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
         title = "a phone in traffic"
         add(f"{title}: healthy", plan.phones_in_traffic(extent, True), judges.judge_healthy)
         blind = plan.phones_in_traffic(extent, False)
-        add(f"{title}, no host speed: healthy", blind, judges.judge_blind)
+        add(f"{title}, no host speed: healthy", blind, JUDGE_BLIND)
         runs = plan.faults_by_phones_in_traffic(extent, plan.PAPER[2:])
         add(f"{title}: acceleration", runs, judges.judge_in_traffic)
         # Joined to a table it would be the same road, felt less well.
@@ -201,7 +203,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
     title = "random sensors in traffic"
     add(f"{title}: healthy", plan.in_traffic(extent, RANDOM_SENSORS), judges.judge_healthy)
     blind = plan.in_traffic(extent, RANDOM_SENSORS, host_speed=False)
-    add(f"{title}, no host speed: healthy", blind, judges.judge_blind)
+    add(f"{title}, no host speed: healthy", blind, JUDGE_BLIND)
     for name, values in plan.COMBINATIONS.items():
         runs = plan.faults_in_traffic(extent, "offset", values, False, sensor=RANDOM_SENSORS)
         add(f"{title}: {name}", runs, judges.judge_in_traffic)

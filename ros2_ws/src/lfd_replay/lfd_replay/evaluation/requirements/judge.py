@@ -326,16 +326,10 @@ def judge_other(judge: Judge) -> None:
     judge.no_false_events()
 
 
-def judge_healthy(judge: Judge, ready: float = 0.95) -> None:
-    """Silent, and not for want of judging."""
+def judge_healthy(judge: Judge, ready: float | None = 0.95) -> None:
+    """Silent, and not for want of judging; None: how long it was ready is only said."""
     judge.no_false_events()
     judge.is_ready(ready)
-
-
-def judge_blind(judge: Judge) -> None:
-    """Silent without host speed; ready where there is a lead."""
-    judge.no_false_events()
-    judge.is_ready(None)
 
 
 def judge_found_in_views(judge: Judge) -> None:

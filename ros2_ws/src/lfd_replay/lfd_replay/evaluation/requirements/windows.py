@@ -430,9 +430,7 @@ def _rebuilt(
         early = flagged & (times < start + 1.0)
         covered = np.abs(off[valid]) <= 1.96 * view.rebuilt_std[valid, k]
         result[name] = {
-            "worst": float(np.abs(off[early]).max())
-            if valid[early].all() and early.any()
-            else None,
+            "worst": _number(np.abs(off[early]).max()) if early.any() else None,
             "rms": float(np.sqrt(np.mean(off[valid] ** 2))) if valid.any() else None,
             "flagged": int(flagged.sum()),
             "covered": int(covered.sum()),
