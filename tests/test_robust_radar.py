@@ -387,20 +387,22 @@ def test_a_quiet_radar_that_gets_as_noisy_as_others_is_not_faulty() -> None:
 
 
 @pytest.mark.parametrize(
-    ("shift", "relative_velocity", "faulty"),
+    ("unseen", "shift", "relative_velocity", "faulty"),
     [
-        (1.9, 0.0, set()),
-        (-1.9, 0.0, set()),
-        (3.6, 0.0, {"clearance"}),
-        (1.9, 5.0, {"clearance", "relative_velocity"}),
+        (0.15, 1.9, 0.0, {"clearance"}),
+        (0.3, 1.9, 0.0, set()),
+        (0.65, 1.9, 0.0, set()),
+        (0.65, -1.9, 0.0, set()),
+        (0.65, 3.6, 0.0, {"clearance"}),
+        (0.65, 1.9, 5.0, {"clearance", "relative_velocity"}),
     ],
 )
 def test_a_radar_may_see_another_part_of_the_car_after_a_moment_without_it(
-    car: Car, shift: float, relative_velocity: float, faulty: set
+    car: Car, unseen: float, shift: float, relative_velocity: float, faulty: set
 ) -> None:
     start = car.number
     car.radar_silent = True
-    car.drive(0.65)
+    car.drive(unseen)
     car.radar_silent = False
     car.drive(1.0, clearance=shift, relative_velocity=relative_velocity)
     assert car.faults_since(start) - {"radar"} == faulty

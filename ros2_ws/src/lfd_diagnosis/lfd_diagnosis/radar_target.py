@@ -38,7 +38,6 @@ from lfd_diagnosis.radar_state import (
     is_radar_faulty,
     limits_about,
 )
-from lfd_diagnosis.travelled_path import LARGEST_GAP
 from lfd_mpc.compiled import inner
 from lfd_mpc.samples import UNKNOWN_TRACK
 
@@ -58,6 +57,9 @@ KNOWN_SCANS = 5
 
 LOST_AFTER = 1.0
 """Seconds of silence after which a target that disagrees is another one, not a fault."""
+
+REGAINED = 0.25
+"""Seconds without the clearance after which it may lie on another part of the car."""
 
 MOVED_ON = 0.5
 """Share of its limits by which a relative velocity differs where scans were missed and the
@@ -195,7 +197,7 @@ def is_another(radar, settings, track_id):
     silent = gap > LOST_AFTER or (has_missed and _is_elsewhere(radar, settings))
     changed = _has_another_id(radar, track_id)
     goes_on = not (changed or silent)
-    if goes_on and at - radar.clearance.last_at > LARGEST_GAP:
+    if goes_on and at - radar.clearance.last_at > REGAINED:
         _regain(radar, settings)
     # What was not seen for a moment may be another car.
     unseen, radar.unseen = radar.unseen, False
