@@ -163,6 +163,16 @@ def test_levels_follow_the_documented_table(state: State) -> None:
     assert all(name in row for name in level)
 
 
+@pytest.mark.parametrize("profile", ["robust", "paper"])
+def test_what_a_profile_does_not_use_is_nothing_to_warn_of(profile: str) -> None:
+    settings = graph_settings(profile)
+    silent = [sample for sample in drive(3.0) if sample.input != "host_speed"]
+    health = SensorHealth()
+    health.take(list(OfflineGraph(settings).run(silent))[-1].outcome.report, [])
+    levels = {status.name: status.level for status in health.statuses(of_period=True)}
+    assert levels["host_speed"] == levels["lead_acceleration"] == Level.OK
+
+
 @pytest.mark.parametrize(
     ("events", "level", "words"),
     [

@@ -27,9 +27,10 @@ HARDWARE = {
 
 
 def level_of(name: str, verdict: SignalVerdict) -> Level:
-    """The level of a verdict; what is optional and was never there is nothing to warn of."""
-    never = verdict.state == State.NO_DATA and verdict.kind == Kind.UNKNOWN
-    return Level.OK if name in EVIDENCE and never else LEVELS[verdict.state]
+    """The level of a verdict; what is optional and not used, or was never there, is nothing to warn
+    of."""
+    waits = verdict.state in (State.NO_DATA, State.NOT_READY) and verdict.kind == Kind.UNKNOWN
+    return Level.OK if name in EVIDENCE and waits else LEVELS[verdict.state]
 
 
 class SensorHealth:
