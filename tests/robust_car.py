@@ -14,6 +14,9 @@ from lfd_observer.settings import BankSettings
 SCAN = 5
 """Steps between two scans."""
 
+STALE = 0.16
+"""Age in s of a scan that is not used any more."""
+
 
 class Car:
     """A car behind a lead: radar at 20 Hz, everything else at 100 Hz, a little noise on all."""
@@ -25,6 +28,7 @@ class Car:
         self.number = 0
         self.host_speed, self.lead = host_speed, lead
         self.accelerometer_silent = self.radar_silent = False
+        self.has_target = True
         self.clearance, self.velocity, self.speed = 30.0, 0.0, 15.0
         self.lead_acceleration = 0.0
         self.track_id = 1
@@ -60,6 +64,9 @@ class Car:
             "velocity": velocity,
             "clearance_age": age,
             "relative_velocity_age": age,
+            "clearance_stale": age > STALE,
+            "relative_velocity_stale": age > STALE,
+            "has_target": self.has_target,
             "track_id": self.track_id,
             "acceleration": now["acceleration"],
             "measured_acceleration": now["acceleration"],

@@ -323,3 +323,41 @@ def test_non_finite_inputs_never_count_as_agreement() -> None:
         report = diagnosis.step(horizon, None).report
     assert report.radar.state == report.acceleration.state == State.NO_DATA
     assert report.host_speed.state == State.NO_DATA
+
+
+def test_what_is_suspected_has_less_confidence_than_a_fault(car: Car) -> None:
+    start = car.number
+    for k in range(400):
+        car.step(clearance=2.0 * 0.01 * k)
+    suspected = [
+        verdict
+        for outcome in car.outcomes[start:]
+        for verdict in (outcome.report.clearance, outcome.report.radar)
+        if verdict.state == State.SUSPECT
+    ]
+    assert suspected
+    assert all(verdict.confidence < verdict.confidence_threshold for verdict in suspected)
+
+
+def test_why_everything_is_judged_anew_is_said_until_it_has_been(car: Car) -> None:
+    car.diagnosis.reset()
+    assert "after: reset" in car.step().report.clearance.reason
+    car.drive(5.0)
+    car.track_id, car.clearance = 2, 60.0
+    reasons = {car.step().report.clearance.reason for _ in range(SCAN)}
+    assert any("of this target" in reason for reason in reasons)
+    assert not any("after" in reason for reason in reasons)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"requalify_time": 0.4},
+        {"drift_window": 1.9},
+        {"host_speed_filter_time": 0.51},
+    ],
+)
+def test_settings_that_would_make_it_deaf_are_refused(settings: dict) -> None:
+    with pytest.raises(ValidationError):
+        DiagnosisSettings(**settings)
+    DiagnosisSettings(requalify_time=0.5, drift_window=2.0, host_speed_filter_time=0.5)

@@ -1,6 +1,6 @@
 """The robust profile's accelerometer without ROS: jumps, slopes, bumps and brakes."""
 
-from math import hypot, inf, pi, sin
+from math import hypot, inf, isnan, pi, sin
 from random import Random
 
 import numpy as np
@@ -676,3 +676,74 @@ def test_where_no_speed_tells_it_a_healthy_acceleration_is_what_it_says(car: Car
         outcome = car.step(acceleration=1.0 + min(0.004 * k, 1.0))
     assert outcome.reconstruction.acceleration == pytest.approx(2.0, abs=0.2)
     assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize(("rate", "seconds"), [(1.2, 4.0), (1.2, 6.0), (2.0, 6.0)])
+def test_a_drift_that_is_over_leaves_no_fault_for_good(
+    car: Car, rate: float, seconds: float
+) -> None:
+    """Part of it may have been taken for a road that bends."""
+    for k in range(round(100 * seconds)):
+        car.step(acceleration=0.01 * k * rate)
+    assert car.drive(8.0).report.acceleration.state == State.OK
+
+
+def test_what_was_there_from_the_first_sample_on_leaves_no_fault_for_good() -> None:
+    car = Car()
+    car.drive(12.0, acceleration=1.5)
+    assert car.drive(8.0).report.acceleration.state == State.OK
+
+
+def test_a_jump_back_to_the_slope_is_the_end_of_what_was_not_found(car: Car) -> None:
+    start = car.number
+    for k in range(400):
+        car.step(acceleration=min(0.9 + 0.15 * 0.01 * k, 1.35))
+    assert not car.faults_since(start)
+    car.drive(3.0)
+    assert not car.faults_since(start)
+    car.drive(1.0, acceleration=-1.5)
+    assert car.faults_since(start) == {"acceleration"}
+
+
+def test_an_accelerometer_that_is_held_stays_faulty_until_it_is_not(car: Car) -> None:
+    car.drive(20.0)
+    start = car.number
+    verdict = car.drive(6.0, acceleration_is=0.05).report.acceleration
+    assert (verdict.state, verdict.kind) == (State.FAULT, Kind.HOLD) and isnan(verdict.size)
+    states = [outcome.report.acceleration.state for outcome in car.outcomes[start:]]
+    assert states.count(State.FAULT) == len(states) - states.index(State.FAULT)
+    assert car.drive(2.0).report.acceleration.state == State.OK
+
+
+def test_without_host_speed_a_held_accelerometer_needs_no_lead_to_be_over() -> None:
+    car = Car(host_speed=False)
+    car.drive(14.0)
+    car.lead_acceleration = -0.3
+    assert car.drive(4.0, acceleration_is=0.05).report.acceleration.state == State.FAULT
+    car.has_target = False
+    car.drive(3.0)
+    assert car.outcomes[-1].report.acceleration.state != State.FAULT
+
+
+def test_what_nobody_tells_of_the_acceleration_is_not_offered_for_long() -> None:
+    car = Car(host_speed=False)
+    car.drive(5.0)
+    car.accelerometer_silent = True
+    assert car.drive(0.4).reconstruction.acceleration_valid
+    assert not car.drive(0.2).reconstruction.acceleration_valid
+    car.accelerometer_silent = False
+    assert car.drive(0.5).reconstruction.acceleration_valid
+
+
+@pytest.mark.parametrize(
+    ("settings", "faults", "why"),
+    [
+        ({}, {"clearance": 4.0}, "the radar is faulty"),
+        ({"use_observers": False}, {}, "use_observers"),
+        ({"use_host_speed": False}, {"clearance": 4.0}, "use_host_speed"),
+    ],
+)
+def test_why_there_is_nothing_to_hold_it_against_is_said(settings, faults, why: str) -> None:
+    car = Car(host_speed=False, **settings)
+    car.drive(5.0)
+    assert why in car.drive(1.0, **faults).report.acceleration.reason

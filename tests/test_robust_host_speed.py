@@ -258,7 +258,7 @@ def test_what_the_lead_said_longer_ago_tells_less() -> None:
     for delay in (0.0, 0.1, 1.0):
         car = Car(lead=True, lead_report_delay=delay)
         car.drive(8.0)
-        made = car.drive(4.0, relative_velocity=-10.0).reconstruction
+        made = car.drive(4.0, clearance=4.0, relative_velocity=-10.0).reconstruction
         known.append(made.relative_velocity_std)
     assert known[0] < known[1] < known[2]
 
@@ -298,3 +298,55 @@ def test_a_speed_that_was_silent_is_judged_again_within_half_a_second(car: Car) 
     states = [outcome.report.host_speed.state for outcome in car.outcomes[start:]]
     assert 0.01 * states.index(State.OK) <= 0.45
     assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize("held", ["clearance", "acceleration"])
+def test_a_faulty_host_speed_does_not_say_that_the_car_stands(car: Car, held: str) -> None:
+    """What repeats itself in a car that stands is no fault."""
+    assert car.drive(2.0, host_speed_is=0.0).report.host_speed.state == State.FAULT
+    car.lead_acceleration = -0.5
+    car.drive(2.0, host_speed_is=0.0)
+    start, value = car.number, {"clearance": car.seen[0], "acceleration": 0.0}[held]
+    car.lead_acceleration = 0.0
+    car.drive(3.0, host_speed_is=0.0, **{f"{held}_is": value})
+    assert held in car.faults_since(start)
+
+
+def test_a_host_speed_that_ends_while_nothing_arrives_was_there_before(car: Car) -> None:
+    car.host_speed = False
+    verdict = car.drive(1.0).report.host_speed
+    assert (verdict.state, verdict.kind) == (State.NO_DATA, Kind.DROPOUT)
+    never = Car(host_speed=False)
+    assert never.drive(1.0).report.host_speed.kind == Kind.UNKNOWN
+    never.go_unheard(8.0)
+    assert never.drive(1.0).report.host_speed.kind == Kind.UNKNOWN
+    car.diagnosis.reset()
+    assert car.drive(1.0).report.host_speed.kind == Kind.UNKNOWN
+
+
+def test_what_the_lead_says_while_no_radar_hears_it_is_no_lie() -> None:
+    car = Car(lead=True)
+    car.drive(12.0)
+    start, car.radar_silent = car.number, True
+    car.drive(1.0)
+    for k in range(50):
+        car.lead_acceleration = -0.06 * k
+        car.step()
+    car.drive(2.0)
+    assert "lead_acceleration" not in car.faults_since(start)
+
+
+@pytest.mark.parametrize("clearance", [0.0, 4.0])
+def test_what_the_lead_says_again_and_again_makes_nothing_worse(clearance: float) -> None:
+    """It goes on to say that it brakes, though it does not any more, while the radar is faulty."""
+    car = Car(lead=True)
+    car.drive(12.0)
+    car.lead_acceleration = -1.0
+    car.drive(1.0)
+    faults = {"relative_velocity": -10.0, "clearance": clearance, "lead_acceleration_is": -1.0}
+    car.drive(0.4, **faults)
+    car.lead_acceleration = 0.0
+    for _ in range(400):
+        made = car.step(**faults).reconstruction
+        off = abs(made.relative_velocity - car.velocity)
+        assert not made.relative_velocity_valid or off < 2.5 * made.relative_velocity_std

@@ -337,7 +337,7 @@ def test_without_host_speed_one_scan_convicts_no_relative_velocity_that_rests(of
     [
         (2, True, set()),
         (5, True, set()),
-        (5, False, {"clearance", "radar"}),
+        (5, False, {"relative_velocity", "radar"}),
         (12, True, {"clearance", "relative_velocity", "radar"}),
     ],
 )
@@ -415,3 +415,42 @@ def test_one_step_of_a_coarse_relative_velocity_is_no_leap_to_zero() -> None:
     car.drive(0.25, relative_velocity_is=-0.25)
     car.drive(2.5, relative_velocity_is=0.0)
     assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize(("clearance", "velocity"), [(30.0, -0.34), (0.0, 0.0)])
+def test_without_host_speed_a_radar_that_is_held_as_a_whole_is_named_as_a_whole(
+    clearance: float, velocity: float
+) -> None:
+    car = Car(host_speed=False)
+    car.drive(12.0)
+    start, car.lead_acceleration = car.number, -0.5
+    car.drive(4.0, clearance_is=clearance, relative_velocity_is=velocity)
+    assert {"clearance", "relative_velocity"} <= car.faults_since(start)
+
+
+def test_an_outlier_that_is_sent_twice_is_one(car: Car) -> None:
+    def scans(count: int, clearance: float = 0.0) -> None:
+        for _ in range(count):
+            while car.number % SCAN:
+                car.step()
+            car.step(clearance=clearance)
+            said = {"clearance_is": car.seen[0], "relative_velocity_is": car.seen[1]}
+            for _ in range(2 * SCAN - 1):
+                car.step(**said)
+
+    scans(60)
+    start = car.number
+    scans(1, clearance=4.0)
+    scans(20)
+    assert not car.faults_since(start)
+    assert "1 single outliers" in car.outcomes[-1].report.clearance.reason
+
+
+@pytest.mark.parametrize(
+    ("settings", "kind"), [({}, Kind.HOLD), ({"check_repetition": False}, Kind.OFFSET)]
+)
+def test_where_repetition_is_not_looked_for_nothing_is_named_so(settings, kind: Kind) -> None:
+    car = Car(**settings)
+    car.drive(10.0)
+    verdict = car.drive(2.0, relative_velocity_is=10.0).report.relative_velocity
+    assert (verdict.state, verdict.kind) == (State.FAULT, kind)

@@ -19,7 +19,7 @@ from lfd_diagnosis.acceleration_state import (
     shaking_left,
     swings_over_bumps,
 )
-from lfd_diagnosis.evidence import Ground, set_check
+from lfd_diagnosis.evidence import Ground, is_gauged, set_check
 from lfd_diagnosis.healthy_signal import (
     append,
     at,
@@ -302,7 +302,8 @@ def _still_off_lead(monitor, settings, lead_report):
         monitor.lead_reference = lead_report.acceleration
     if isnan(monitor.lead) or isnan(monitor.lead_reference):
         # Nothing to hold it against: it stays what it was.
-        monitor.agreeing = 0.0
+        if is_gauged(monitor.kind):
+            monitor.agreeing = 0.0
         monitor.check.ground = Ground.NONE
         return
     residual = monitor.lead - monitor.lead_reference

@@ -372,6 +372,12 @@ def _still_off(monitor, settings, off):
     if monitor.faded_for >= FADED_STEPS:
         # It was not the slope that changed: the jump faded.
         monitor.reference = monitor.slope_before
+    level = abs(monitor.felt) < LEAST and abs(monitor.reference) > settings.acceleration_limit
+    monitor.level_for = monitor.level_for + STEP_S if level else 0.0
+    if monitor.level_for >= settings.requalify_time:
+        # It says what the speed says, on a level road: what was taken for the slope was none.
+        monitor.reference = monitor.slope = monitor.felt
+        residual = off - monitor.reference
     left = 0.0 if monitor.settling else residual
     set_check(monitor.check, Ground.HOST_SPEED, left, limit, monitor.kind, np.nan)
 

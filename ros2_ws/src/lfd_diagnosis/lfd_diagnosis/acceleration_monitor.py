@@ -105,6 +105,9 @@ ENDED, ENDS_BY, ENDS_BY_MOST = 3.0, 0.5, 1.5
 """Seconds after the end of a fault in which a jump back may be its real end, as a road that bent
 made it seem over, and least and largest share of its size that this is off by."""
 
+LEADS_BACK = 0.6
+"""Share of a jump by which it may miss the slope that it leads back to."""
+
 SELDOM = 0.03
 """Seconds between two samples beyond which a speed tells nothing of a bad road."""
 
@@ -125,6 +128,9 @@ ZERO_SIGMA = 2.0
 
 SECOND_DIFFERENCES = 6.0
 """How much larger than the variance of a white noise that of its second differences is."""
+
+UNHEARD = 0.5
+"""Seconds of silence after which a car may accelerate as it likes."""
 
 LEAD_KEEP = exp(-STEP_S / LEAD_MEMORY)
 
@@ -275,7 +281,9 @@ def judge_acceleration(
     check, speed = monitor.check, monitor.speed
     if horizon.acceleration_stale:
         _judge_nothing(monitor, KNOWN_AFTER_SILENCE)
+        monitor.silent_for += STEP_S
         return
+    monitor.silent_for = 0.0
     monitor.ticks += 1
     monitor.ended_for += STEP_S
     rests = is_resting(relative_velocity)
@@ -312,7 +320,7 @@ def judge_acceleration(
         _convict(monitor, settings, kind, Ground.REPETITION, run, 0.0)
     elif monitor.faulty:
         still = settings.check_repetition and is_frozen(monitor.repetition, True)
-        _requalify(monitor, settings, exceeded or still or rough)
+        _requalify(monitor, settings, exceeded or still or frozen or rough)
     elif rough:
         share = rough_share(monitor.roughness)
         _convict(monitor, settings, Kind.NOISE, Ground.ROUGHNESS, share, 0.0)
@@ -325,7 +333,7 @@ def judge_acceleration(
         and _outlasts_a_bump(monitor)
         and not (check.ground == Ground.HOST_SPEED and speed_may_be_wrong(monitor, settings))
     ):
-        if _ends_the_last(monitor, settings):
+        if _ends_the_last(monitor, settings) or _leads_back(monitor, settings):
             _end_the_last(monitor)
         else:
             _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
@@ -343,6 +351,19 @@ def _ends_the_last(monitor, settings):
     back = -_newest_residual(monitor)
     # Without dividing: what ended may have been of no size at all.
     return ENDS_BY * size * size < back * size < ENDS_BY_MOST * size * size
+
+
+@inner
+def _leads_back(monitor, settings):
+    """Whether what looks like a fault leads back to the slope, from where a fault that was too
+    small to be found may have put it, or a road that bent."""
+    check = monitor.check
+    jumped = check.ground == Ground.HOST_SPEED and check.kind == Kind.OFFSET
+    if not (jumped and is_full(monitor.samples)):
+        return False
+    step, beside = _newest_residual(monitor), check.reference - monitor.slope
+    hidden = beside * step < 0.0 and abs(step) <= settings.steepest_road
+    return hidden and abs(beside + step) < LEADS_BACK * abs(step)
 
 
 @inner
@@ -385,7 +406,9 @@ def _should_have_changed(monitor, settings, usable, relative_velocity):
     speed = monitor.speed
     if not usable:
         # Nothing tells a car that stands but that it nears its lead.
-        return isnan(speed.last) and is_nearing(relative_velocity)
+        return not is_believed(speed) and is_nearing(relative_velocity)
+    if isnan(monitor.derivative_when_held):
+        monitor.derivative_when_held = speed.derivative
     change = max(HELD_CHANGE, HELD_STEPS * resolution_of(monitor.roughness))
     change += allowance_of(monitor, settings)
     if abs(speed.derivative - monitor.derivative_when_held) > change:
@@ -509,6 +532,13 @@ def expected_acceleration(monitor, settings):
     if isnan(monitor.lead_reference) or isnan(monitor.lead):
         return monitor.acceleration + monitor.slope
     return monitor.lead_reference - monitor.relative_slow
+
+
+@inner
+def is_unheard(monitor):
+    """Whether the accelerometer has said nothing for so long that what it last said tells
+    nothing of now."""
+    return monitor.silent_for > UNHEARD
 
 
 @inner

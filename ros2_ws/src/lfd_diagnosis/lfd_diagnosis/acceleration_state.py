@@ -137,6 +137,8 @@ ACCELERATION = np.dtype(
         ("settled", "i8"),
         ("corrected", "?"),
         ("faded_for", "i8"),
+        ("level_for", "f8"),
+        ("silent_for", "f8"),
         ("back_for", "i8"),
         ("settling", "?"),
         ("undone", "f8"),
@@ -193,7 +195,7 @@ def restart_acceleration(monitor):
     restart_repetition(monitor.repetition)
     monitor.last_at, monitor.fresh, monitor.new_samples = -np.inf, False, 0
     lose_samples(monitor)
-    monitor.lead_rests_for = 0.0
+    monitor.lead_rests_for = monitor.silent_for = 0.0
     monitor.relative_then = monitor.relative_now = monitor.relative_slow = 0.0
     monitor.before = monitor.relative_before = 0.0
     monitor.relative, monitor.radar_gone = 0.0, RADAR_GONE
@@ -230,6 +232,7 @@ def forgive_acceleration(monitor):
     monitor.exceeded_for = 0
     monitor.reference = monitor.lead_reference = monitor.slope_before = np.nan
     monitor.corrected, monitor.faded_for = False, 0
+    monitor.level_for = 0.0
     monitor.size = monitor.size_std = monitor.off = monitor.felt = np.nan
     monitor.settled = 0
     forget_baseline(monitor)

@@ -269,7 +269,7 @@ def is_stuck(radar, settings, signal, of_clearance, changed):
             return False
         if _has_left(radar, settings) and velocity_seems_held(radar):
             return True
-        if _may_both_stand(radar):
+        if _may_both_stand(radar) and not _repeats_itself(radar):
             return False
         if radar.leapt_to_zero and _stays_at_zero(signal.repetition):
             return True

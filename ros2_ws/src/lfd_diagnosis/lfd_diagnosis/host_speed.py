@@ -210,9 +210,15 @@ def came_to_rest(speed):
 
 
 @inner
-def is_standing(speed):
-    """Whether the car stands, as far as its speed is known: then sensors say the same for long."""
+def seems_to_stand(speed):
+    """Whether it says that the car stands."""
     return abs(speed.last) <= STANDING
+
+
+@inner
+def is_standing(speed):
+    """Whether the car stands, as far as its speed is believed."""
+    return not speed.faulty and seems_to_stand(speed)
 
 
 @inner
@@ -229,7 +235,7 @@ def _is_held(speed):
     if slow:
         missed = MISSED_SLOW
     missed += SLOPE_DOUBT * max(speed.held_for - 1.0, 0.0)
-    changed = abs(speed.missed) > missed and not is_standing(speed)
+    changed = abs(speed.missed) > missed and not seems_to_stand(speed)
     note_change(speed.repetition, changed)
     return (changed or not slow) and is_frozen(speed.repetition, changed)
 
@@ -404,12 +410,12 @@ def _possible_bend(period, acceleration, before):
 
 @inner
 def _take(speed, settings, at, value, acceleration, shaken):
-    healthy, moves = not speed.faulty, not is_standing(speed)
+    healthy, moves = not speed.faulty, not seems_to_stand(speed)
     period = min(at - speed.last_at, 1.0)
     possible = _possible_bend(period, acceleration, speed.felt)
     speed.felt = acceleration
     take_roughness(speed.roughness, at, value, healthy and moves, possible)
-    if is_standing(speed):
+    if seems_to_stand(speed):
         excuse_repetition(speed.repetition, speed.faulty)
     beyond_chance = is_beyond_chance(speed.repetition, speed.same)
     was_held = beyond_chance or _makes_up(speed, value, period, acceleration)

@@ -21,6 +21,9 @@ POSSIBLE_JERK = 15.0
 DISAGREEING = 0.3
 """Seconds of disagreement after which what the lead says is not believed."""
 
+HELD = 0.5
+"""Seconds for which it may say the same and still tell how a lead goes on that nobody sees."""
+
 SHARE = share_of(FILTER)
 
 LEAD_REPORT = np.dtype(
@@ -34,6 +37,7 @@ LEAD_REPORT = np.dtype(
         ("acceleration", "f8"),
         ("heard", "?"),
         ("last_at", "f8"),
+        ("same_for", "f8"),
     ],
     align=True,
 )
@@ -46,7 +50,7 @@ def restart_lead(lead):
     lead.faulty, lead.heard = False, False
     lead.because.ground = Ground.NONE
     lead.off = lead.filtered = lead.acceleration = lead.last_at = np.nan
-    lead.agreeing = lead.disagreeing = 0.0
+    lead.agreeing = lead.disagreeing = lead.same_for = 0.0
 
 
 @inner
@@ -66,6 +70,13 @@ def report_deviation(settings):
 def is_trusted(lead, settings):
     """Whether it is evidence now: it has agreed for a while with what radar and host make of it."""
     return lead.heard and not lead.faulty and lead.agreeing >= settings.requalify_time
+
+
+@inner
+def tells_unseen(lead, settings):
+    """Whether it tells how a lead goes on that the radar does not see: nothing contradicts then
+    what is only said again and again."""
+    return is_trusted(lead, settings) and lead.same_for <= HELD
 
 
 @inner
@@ -91,8 +102,8 @@ def follow_lead_report(lead, settings, horizon, seen):
         limit = 5.0 * settings.lead_report_std + POSSIBLE_JERK * (at - lead.last_at)
         if abs(value - lead.acceleration) > limit:
             _distrust(lead, Ground.LEAD_JUMPED, lead.acceleration, value, limit)
-    lead.last_at = at
-    lead.acceleration = value
+    lead.same_for = lead.same_for + STEP_S if value == lead.acceleration else 0.0
+    lead.last_at, lead.acceleration = at, value
     if isnan(seen):
         return
     difference = value - seen

@@ -209,7 +209,8 @@ def _predict(radar, settings, host_acceleration, host_jolt, lead_acceleration):
     if radar.velocity.faulty:
         off = track.acceleration - settings.lead_acceleration_mean
         keep, jerk = COAST_KEEP, settings.coasting_jerk_density + FORGETTING * off * off
-        if isfinite(lead_acceleration):
+        # A clearance that is healthy tells more, and nothing that may be wrong.
+        if isfinite(lead_acceleration) and clearance.faulty:
             jerk = settings.coasting_jerk_density
             inform(track, lead_acceleration, report_deviation(settings))
     mean = settings.lead_acceleration_mean
@@ -280,7 +281,7 @@ def _says_again(radar, settings):
     """Whether a radar that says the same as before has nothing new to say, as one that says
     everything twice, or whose last message is sent again; where the car stands both signals may be
     as they were."""
-    if not radar.host_moves:
+    if not (radar.host_moves and settings.check_repetition):
         return False
     return radar.clearance.repetition.run == 1 or is_sent_again(radar, settings)
 
@@ -342,12 +343,12 @@ def _judge_signal(radar, settings, signal, measured, of_clearance, repeated):
         possible = max(ROUGH_VELOCITY, POSSIBLE_JERK * period * period)
     if not repeated:
         take_roughness(signal.roughness, measured.at, measured.value, healthy, possible)
-    count_scan(signal, settings.scan_confidence_max)
+        count_scan(signal, settings.scan_confidence_max)
     changed = should_have_changed(radar, settings, signal, of_clearance)
     note_change(signal.repetition, changed)
     if signal.faulty:
         signal.faulty_at = measured.at
-        classify(signal, changed)
+        classify(signal, settings, changed)
         requalify(radar, settings, signal, measured, of_clearance, repeated)
     elif is_ready(radar):
         _suspect(radar, settings, signal, of_clearance, changed)

@@ -323,18 +323,18 @@ def forgive(signal):
 
 
 @inner
-def classify(signal, should_have_changed):
+def classify(signal, settings, should_have_changed):
     """What began as a jump may turn out to be something else."""
     signal.faulty_scans += 1
     if not is_gauged(signal.kind):
         return
     # What was held has said the same ever since.
-    ever_since = signal.repetition.run >= signal.faulty_scans
+    ever_since = settings.check_repetition and signal.repetition.run >= signal.faulty_scans
     if signal.last == 0.0 and signal.repetition.run >= 3 and ever_since:
         signal.kind = Kind.ZERO
     elif ever_since and is_held(signal) and is_frozen(signal.repetition, should_have_changed):
         signal.kind = Kind.HOLD
-    elif is_rough(signal.roughness) and signal.kind == Kind.OFFSET:
+    elif settings.check_roughness and is_rough(signal.roughness) and signal.kind == Kind.OFFSET:
         signal.kind = Kind.NOISE
 
 

@@ -84,6 +84,13 @@ def robust_reasons(
         said.acceleration.state,
     ):
         filling = _filling(evidence, anew_because)
+    host_speed = _host_speed(settings, said.host_speed, evidence)
+    lead = filling
+    if State.FAULT in (said.clearance.state, said.relative_velocity.state):
+        lead = "the radar is faulty"
+    elif not settings.use_observers:
+        lead = "parameter use_observers"
+    unheard = f"neither host speed ({host_speed}) nor lead ({lead})"
     says = f"; the radar says: {sensor_text}" if sensor_text else ""
     return {
         "clearance": _radar_signal(
@@ -99,8 +106,8 @@ def robust_reasons(
             "m/s",
         )
         + says,
-        "acceleration": _acceleration(said.acceleration, evidence, filling),
-        "host_speed": _host_speed(settings, said.host_speed, evidence),
+        "acceleration": _acceleration(said.acceleration, evidence, unheard),
+        "host_speed": host_speed,
         "lead_acceleration": _lead(settings, said.lead_acceleration, evidence),
     }
 
@@ -108,7 +115,7 @@ def robust_reasons(
 def _filling(evidence: Any, anew_because: str) -> str:
     if evidence.unseen:
         return UNSEEN
-    because = f" after: {anew_because}" if anew_because else ""
+    because = f" after: {anew_because}" if evidence.anew and anew_because else ""
     return f"{evidence.scans} of {READY_SCANS} scans of this target{because}"
 
 
@@ -147,7 +154,8 @@ def _rejected(outliers: int) -> str:
     return f"; {outliers} single outliers rejected so far" if outliers else ""
 
 
-def _acceleration(verdict: Any, evidence: Any, filling: str) -> str:
+def _acceleration(verdict: Any, evidence: Any, unheard: str) -> str:
+    """`unheard`: why there is nothing to hold it against."""
     check, age = evidence.check, evidence.acceleration_age
     now = "nothing to hold it against yet"
     if check.ground and isfinite(check.residual):
@@ -157,7 +165,7 @@ def _acceleration(verdict: Any, evidence: Any, filling: str) -> str:
     elif verdict.state == State.FAULT:
         reason = f"{KIND_WORDS[verdict.kind]} by {_words(evidence.because)}; now {now}"
     elif verdict.state == State.NOT_READY:
-        reason = f"neither host speed nor lead: {filling}"
+        reason = unheard
     else:
         reason = f"{now}; sample {age * 1000:.0f} ms old"
         reason += _rejected(evidence.acceleration_outliers)

@@ -10,6 +10,7 @@ from lfd_diagnosis.acceleration_monitor import (
     expected_std,
     follow_acceleration,
     has_evidence,
+    is_unheard,
     judge_acceleration,
 )
 from lfd_diagnosis.acceleration_state import (
@@ -17,7 +18,7 @@ from lfd_diagnosis.acceleration_state import (
     restart_acceleration,
     start_acceleration,
 )
-from lfd_diagnosis.evidence import BECAUSE, CHECK
+from lfd_diagnosis.evidence import BECAUSE, CHECK, is_gauged
 from lfd_diagnosis.host_speed import is_standing, is_usable
 from lfd_diagnosis.lead_report import (
     LEAD_REPORT,
@@ -25,6 +26,7 @@ from lfd_diagnosis.lead_report import (
     is_trusted,
     lead_limit,
     restart_lead,
+    tells_unseen,
 )
 from lfd_diagnosis.radar_monitor import coast_radar, follow_radar
 from lfd_diagnosis.radar_signal import deviation_about, index_of, size_of
@@ -39,7 +41,7 @@ from lfd_diagnosis.radar_state import (
     start_target,
 )
 from lfd_diagnosis.report_book import BOOK, enter_outcome
-from lfd_diagnosis.verdict import Kind, State, outcome_kind
+from lfd_diagnosis.verdict import EVIDENCE, Kind, State, outcome_kind
 from lfd_mpc.compiled import entry, inner
 from lfd_mpc.settings import STEP_NS
 
@@ -96,12 +98,19 @@ ROBUST_EVIDENCE = np.dtype(
         ("lead_limit", "f8"),
         ("lead_age", "f8"),
         ("silent", "?"),
+        ("anew", "?"),
     ],
     align=True,
 )
 """Figures that the reasons of an outcome are made of."""
 
 ROBUST_OUTCOME = outcome_kind(ROBUST_EVIDENCE)
+
+HEARD = np.dtype(
+    [(name, "?") for name in ("clearance", "relative_velocity", "acceleration", *EVIDENCE)],
+    align=True,
+)
+"""Which inputs were there at all."""
 
 ROBUST = np.dtype(
     [
@@ -111,7 +120,8 @@ ROBUST = np.dtype(
         ("book", BOOK),
         ("last_stamp", "i8"),
         ("begun", "?"),
-        ("heard_lead", "?"),
+        ("heard", HEARD),
+        ("anew", "?"),
     ],
     align=True,
 )
@@ -124,7 +134,26 @@ def start_robust(state, settings):
     start_radar(state.radar, settings)
     start_acceleration(state.acceleration, settings)
     restart_lead(state.lead)
-    state.begun = state.heard_lead = False
+    _forget_heard(state.heard)
+    state.begun, state.anew = False, True
+
+
+@inner
+def _forget_heard(heard):
+    """Nothing was there yet."""
+    heard.clearance = heard.relative_velocity = heard.acceleration = False
+    heard.host_speed = heard.lead_acceleration = False
+
+
+@inner
+def _note_heard(heard, horizon, lead):
+    """Take note of what is there; what is silent later has stopped, whatever happened since."""
+    heard.clearance |= not isnan(horizon.clearance_age)
+    heard.relative_velocity |= not isnan(horizon.relative_velocity_age)
+    heard.acceleration |= not isnan(horizon.acceleration_age)
+    heard.host_speed |= not isnan(horizon.host_speed_age)
+    # An age is known of messages that were never fit to be used, too.
+    heard.lead_acceleration |= lead.heard
 
 
 @inner
@@ -168,20 +197,22 @@ def robust_step(state, settings, horizon, relative_acceleration, outcome):
     radar, acceleration, lead = state.radar, state.acceleration, state.lead
     outcome.stamp, outcome.step = horizon.stamp, horizon.step
     outcome.starts_anew = _follow_time(state, settings, horizon)
+    state.anew = state.anew or outcome.starts_anew
     follow_acceleration(acceleration, settings, horizon)
-    told = lead.acceleration if is_trusted(lead, settings) else np.nan
+    told = lead.acceleration if tells_unseen(lead, settings) else np.nan
     moves = not is_standing(acceleration.speed)
     speed = acceleration.speed.last if is_usable(acceleration.speed, settings) else np.nan
     host, jolt = acceleration.acceleration, acceleration.jolt
     follow_radar(radar, settings, horizon, host, jolt, told, speed, moves)
     # What the observers make of a radar that is not to be believed is not to be believed either.
     seen = horizon.has_target and is_ready(radar)
-    believed = seen and not is_radar_faulty(radar)
+    fresh = not (horizon.clearance_stale or horizon.relative_velocity_stale)
+    believed = seen and fresh and not is_radar_faulty(radar)
     relative = relative_acceleration if believed else np.nan
     velocity = radar.track.velocity if believed else np.nan
     judge_acceleration(acceleration, settings, horizon, relative, velocity, lead)
     follow_lead_report(lead, settings, horizon, _lead_seen(state, settings, believed))
-    state.heard_lead = state.heard_lead or lead.heard
+    _note_heard(state.heard, horizon, lead)
     outcome.evidence.silent = False
     _judge_radar(state, settings, horizon, outcome)
     _judge_acceleration(state, settings, horizon, outcome)
@@ -195,6 +226,8 @@ def robust_step(state, settings, horizon, relative_acceleration, outcome):
 def _say(verdict, state, kind, index, confidence, confidence_threshold, size, size_std):
     verdict.state, verdict.kind = state, kind
     verdict.index, verdict.threshold = index, INDEX_LIMIT
+    if state == State.SUSPECT:
+        confidence = max(min(confidence, confidence_threshold - 1), 0)
     if state == State.FAULT:
         # A fault that is latched is no less certain for agreeing meanwhile.
         confidence = max(confidence, confidence_threshold)
@@ -203,19 +236,19 @@ def _say(verdict, state, kind, index, confidence, confidence_threshold, size, si
 
 
 @inner
-def _silent_kind(age):
-    """What the silence of a signal is called; an age of NaN = there never was a sample."""
-    return Kind.UNKNOWN.value if isnan(age) else Kind.DROPOUT.value
+def _silent_kind(heard):
+    """What the silence of a signal is called that was `heard` before, or never."""
+    return Kind.DROPOUT.value if heard else Kind.UNKNOWN.value
 
 
 @inner
 def _judge_signal(
-    radar, settings, horizon, signal, variance, measured, stale, age, evidence, verdict
+    radar, settings, horizon, signal, variance, measured, stale, age, heard, evidence, verdict
 ):
     state, kind, index = State.NOT_READY, Kind.UNKNOWN.value, np.nan
     size = size_std = np.nan
     if stale:
-        state, kind = State.NO_DATA, _silent_kind(age)
+        state, kind = State.NO_DATA, _silent_kind(heard)
     elif not (horizon.has_target or (signal.faulty and radar.has_track)):
         state = State.NO_TARGET
     elif signal.faulty:
@@ -245,6 +278,7 @@ def _judge_radar(state, settings, horizon, outcome):
         horizon.measured_clearance,
         horizon.clearance_stale,
         horizon.clearance_age,
+        state.heard.clearance,
         evidence.clearance,
         outcome.clearance,
     )
@@ -257,11 +291,14 @@ def _judge_radar(state, settings, horizon, outcome):
         horizon.measured_relative_velocity,
         horizon.relative_velocity_stale,
         horizon.relative_velocity_age,
+        state.heard.relative_velocity,
         evidence.relative_velocity,
         outcome.relative_velocity,
     )
     evidence.scans = min(radar.scans, READY_SCANS)
     evidence.unseen = not horizon.has_target
+    state.anew = state.anew and not is_ready(radar)
+    evidence.anew = state.anew
     evidence.lost = radar.lost or radar.carried
 
 
@@ -274,10 +311,11 @@ def _judge_acceleration(state, settings, horizon, outcome):
         off = abs(monitor.check.residual)
         index = off / (off + monitor.check.limit)
     if horizon.acceleration_stale:
-        verdict, kind = State.NO_DATA, _silent_kind(horizon.acceleration_age)
+        verdict, kind = State.NO_DATA, _silent_kind(state.heard.acceleration)
     elif monitor.faulty:
         verdict, kind = State.FAULT, monitor.kind
-        size, size_std = monitor.size, monitor.size_std
+        if is_gauged(kind):
+            size, size_std = monitor.size, monitor.size_std
     elif monitor.check.ground:
         verdict = State.SUSPECT if monitor.confidence else State.OK
     threshold = settings.acceleration_steps
@@ -293,14 +331,15 @@ def _judge_host_speed(state, settings, horizon, outcome):
     verdict, kind, size = State.NOT_READY, Kind.UNKNOWN.value, np.nan
     if settings.use_host_speed:
         if horizon.host_speed_stale:
-            verdict, kind = State.NO_DATA, _silent_kind(horizon.host_speed_age)
+            verdict, kind = State.NO_DATA, _silent_kind(state.heard.host_speed)
         elif speed.faulty:
             verdict, kind, size = State.FAULT, speed.kind, speed.size
         elif is_usable(speed, settings):
             verdict = State.OK if isnan(speed.doubt) else State.SUSPECT
     bad = 0 if isnan(speed.doubt) else 1
     _say(outcome.host_speed, verdict, kind, np.nan, bad, BAD_SPEEDS, size, np.nan)
-    evidence.speed_because, evidence.speed_faulty = speed.because, speed.faulty
+    evidence.speed_because = speed.because
+    evidence.speed_faulty = speed.faulty and settings.use_host_speed
     evidence.speed_doubt, evidence.speed_outliers = speed.doubt, speed.outliers
     evidence.derivative, evidence.host_speed_age = speed.derivative, horizon.host_speed_age
 
@@ -311,15 +350,14 @@ def _judge_lead(state, settings, horizon, outcome):
     verdict, kind, size = State.NOT_READY, Kind.UNKNOWN.value, np.nan
     if settings.use_lead_report:
         if not lead.heard:
-            verdict = State.NO_DATA
-            # An age is known of messages that were never fit to be used, too.
-            kind = Kind.DROPOUT.value if state.heard_lead else Kind.UNKNOWN.value
+            verdict, kind = State.NO_DATA, _silent_kind(state.heard.lead_acceleration)
         elif lead.faulty:
             verdict, size = State.FAULT, lead.off
         elif is_trusted(lead, settings):
             verdict = State.OK
     _say(outcome.lead_acceleration, verdict, kind, np.nan, 0, 1, size, np.nan)
-    evidence.lead_because, evidence.lead_faulty = lead.because, lead.faulty
+    evidence.lead_because = lead.because
+    evidence.lead_faulty = lead.faulty and settings.use_lead_report
     evidence.lead_off, evidence.lead_limit = lead.off, lead_limit(settings)
     evidence.lead_age = horizon.lead_acceleration_age
 
@@ -345,7 +383,7 @@ def _reconstruct(state, settings, seen, relative, outcome):
     made.relative_acceleration = relative
     expected = expected_acceleration(acceleration, settings)
     made.acceleration_valid = is_usable(acceleration.speed, settings) or (
-        np.isfinite(expected) and not isnan(relative)
+        np.isfinite(expected) and not isnan(relative) and not is_unheard(acceleration)
     )
     made.acceleration = expected if made.acceleration_valid else np.nan
     std = expected_std(acceleration, settings)
@@ -354,23 +392,21 @@ def _reconstruct(state, settings, seen, relative, outcome):
 
 @inner
 def _say_silent(verdict, heard):
-    """Nothing is said any more; what said nothing before is silent as it was."""
-    kind = verdict.kind
-    if verdict.state != State.NO_DATA:
-        kind = Kind.DROPOUT.value if heard else Kind.UNKNOWN.value
-    _say(verdict, State.NO_DATA, kind, np.nan, 0, 1, np.nan, np.nan)
+    """Nothing is said any more."""
+    _say(verdict, State.NO_DATA, _silent_kind(heard), np.nan, 0, 1, np.nan, np.nan)
 
 
 @inner
 def robust_silence(state, settings, stamp, outcome):
     """Nothing arrives at all: what is said (of no step) at `stamp` (ns)."""
-    heard = outcome.step > 0
+    heard = state.heard
     outcome.stamp, outcome.step, outcome.starts_anew = stamp, 0, False
     outcome.evidence.silent = True
-    for verdict in (outcome.clearance, outcome.relative_velocity, outcome.acceleration):
-        _say_silent(verdict, heard)
-    _say_silent(outcome.host_speed, heard and settings.use_host_speed)
-    _say_silent(outcome.lead_acceleration, heard and settings.use_lead_report)
+    _say_silent(outcome.clearance, heard.clearance)
+    _say_silent(outcome.relative_velocity, heard.relative_velocity)
+    _say_silent(outcome.acceleration, heard.acceleration)
+    _say_silent(outcome.host_speed, heard.host_speed and settings.use_host_speed)
+    _say_silent(outcome.lead_acceleration, heard.lead_acceleration and settings.use_lead_report)
     enter_outcome(state.book, outcome)
 
 

@@ -77,7 +77,7 @@ class RadarChecks(Settings):
         ROBUST,
     )
     drift_window: float = setting(
-        3.0, "s", "time over which that path is compared", ROBUST, ge=0.5, le=30.0
+        3.0, "s", "time over which that path is compared", ROBUST, ge=2.0, le=30.0
     )
     drift_limit: float = setting(
         1.25, "m", "least limit of the difference over that time", ROBUST, gt=0.0, le=20.0
@@ -104,7 +104,7 @@ class AccelerationChecks(Settings):
         "time constant of the filter that both go through",
         ROBUST,
         ge=0.02,
-        le=2.0,
+        le=0.5,
     )
     acceleration_step_limit: float = setting(
         1.0,
@@ -302,6 +302,11 @@ class DiagnosisSettings(
             raise ValueError(
                 f"confidence_max ({self.confidence_max}) must not be below "
                 f"acceleration_steps ({self.acceleration_steps})"
+            )
+        if self.requalify_time < self.clear_time:
+            raise ValueError(
+                f"requalify_time ({self.requalify_time}) must not be below "
+                f"clear_time ({self.clear_time})"
             )
         if self.scan_confidence_max < self.scan_confidence_threshold:
             raise ValueError(
