@@ -10,6 +10,7 @@ import numpy as np
 
 from lfd_diagnosis.acceleration_jump import (
     follow_difference,
+    forget_jump,
     is_measured,
     learn_jump_noise,
     least_beyond,
@@ -24,7 +25,7 @@ from lfd_diagnosis.acceleration_state import (
     shaking_left,
     swings_over_bumps,
 )
-from lfd_diagnosis.evidence import Ground, is_exceeded, repeats, set_check
+from lfd_diagnosis.evidence import Ground, is_exceeded, is_gauged, repeats, set_check
 from lfd_diagnosis.healthy_signal import (
     POSSIBLE_JERK,
     append,
@@ -46,6 +47,7 @@ from lfd_diagnosis.host_speed import (
     jerk_of,
     rattles,
     seldom_heard,
+    slips,
     speed_seems_held,
     tells_of_bends,
 )
@@ -114,6 +116,9 @@ at most."""
 FELT_SHARE = share_of(0.05)
 """Share by which the mean follows of what a faulty one is off by."""
 
+LEVEL = 0.35
+"""m/s^2 within which a level stays where it is."""
+
 DOUBTFUL, SHARPLY = 0.5, 4
 """m/s^2 by which a jerk widens the limits when half of what the difference is may be its lag, and
 power with which that share grows: a noisy speed shows a little jerk all the time."""
@@ -180,7 +185,9 @@ def _follow_road(monitor, settings, off):
     bend, speed = monitor.bend, monitor.speed
     told = tells_of_bends(speed, settings) and not monitor.leapt_for
     steepest = settings.steepest_road if told else 0.0
-    bent = follow_bend(bend, monitor.jump, off, speed.derivative, speed.last, steepest)
+    bent = follow_bend(
+        bend, monitor.jump, off, speed.derivative, monitor.filtered, speed.last, steepest
+    )
     if has_bent(bend):
         monitor.slope = slope_now(bend)
         forget_baseline(monitor)
@@ -217,7 +224,7 @@ def speed_may_be_wrong(monitor, settings):
         # A car that drove off would have left its lead, or followed one that is not at rest; and
         # nothing but its own fault makes an accelerometer leap.
         return False
-    if hides_by_rounding(monitor.speed, settings):
+    if hides_by_rounding(monitor.speed, settings) or slips(monitor.speed):
         return True
     if not settings.check_repetition:
         return False
@@ -367,19 +374,31 @@ def _still_off(monitor, settings, off):
             # moment.
             monitor.settling, monitor.undone_by = True, monitor.size
             monitor.undone = monitor.baseline - monitor.size
+    _follow_level(monitor, settings)
     faded = abs(off - monitor.slope_before) < min(abs(residual), LEAST)
     monitor.faded_for = monitor.faded_for + 1 if faded else 0
     if monitor.faded_for >= FADED_STEPS:
         # It was not the slope that changed: the jump faded.
         monitor.reference = monitor.slope_before
-    level = abs(monitor.felt) < LEAST and abs(monitor.reference) > settings.acceleration_limit
-    monitor.level_for = monitor.level_for + STEP_S if level else 0.0
-    if monitor.level_for >= settings.requalify_time:
-        # It says what the speed says, on a level road: what was taken for the slope was none.
-        monitor.reference = monitor.slope = monitor.felt
-        residual = off - monitor.reference
     left = 0.0 if monitor.settling else residual
     set_check(monitor.check, Ground.HOST_SPEED, left, limit, monitor.kind, np.nan)
+
+
+@inner
+def _follow_level(monitor, settings):
+    """What stays where it is for long is the slope where it came little by little and is no more
+    than a road makes, as sensors jump, or go on drifting; and where it is what a level road makes,
+    but the slope that it was held against is none."""
+    if isnan(monitor.level) or abs(monitor.felt - monitor.level) > LEVEL:
+        monitor.level, monitor.level_for = monitor.felt, 0.0
+    monitor.level_for += STEP_S
+    if not is_gauged(monitor.kind) or monitor.settling:
+        return
+    felt, steep = abs(monitor.felt), abs(monitor.reference) > settings.acceleration_limit
+    is_road = not monitor.came_at_once and felt <= settings.steepest_road
+    if monitor.level_for >= settings.requalify_time and (is_road or (felt < LEAST and steep)):
+        monitor.reference = monitor.felt
+        forget_jump(monitor.jump)
 
 
 @inner
@@ -400,7 +419,11 @@ def slope_after(monitor, settings):
     if became_another(monitor, settings):
         return monitor.reference
     doubt = _jerk_allowance(monitor, settings)
-    return max(monitor.felt - doubt, min(monitor.felt + doubt, monitor.reference))
+    slope = max(monitor.felt - doubt, min(monitor.felt + doubt, monitor.reference))
+    if abs(slope - monitor.slope_before) > settings.steepest_road:
+        # No road changes so much: the manoeuvre is not over yet.
+        return monitor.reference
+    return slope
 
 
 @inner

@@ -26,7 +26,7 @@ from lfd_diagnosis.acceleration_against_speed import (
     slope_after,
     speed_may_be_wrong,
 )
-from lfd_diagnosis.acceleration_jump import is_measured, restart_jump
+from lfd_diagnosis.acceleration_jump import came_at_once, is_measured, restart_jump
 from lfd_diagnosis.acceleration_size import DRIFT_TIME, SLOPE_DRIFT, find_size
 from lfd_diagnosis.acceleration_state import (
     BASELINE_DELAY,
@@ -472,6 +472,8 @@ def _convict(monitor, settings, kind, ground, first, second):
     find_size(monitor, off)
     forget_baseline(monitor)
     monitor.back_for, monitor.settling = 0, False
+    monitor.came_at_once = came_at_once(monitor.jump, off)
+    monitor.level, monitor.level_for = np.nan, 0.0
     monitor.jumped_for = 0
 
 

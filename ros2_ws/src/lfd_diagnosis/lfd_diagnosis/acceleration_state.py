@@ -137,6 +137,8 @@ ACCELERATION = np.dtype(
         ("settled", "i8"),
         ("corrected", "?"),
         ("faded_for", "i8"),
+        ("came_at_once", "?"),
+        ("level", "f8"),
         ("level_for", "f8"),
         ("silent_for", "f8"),
         ("back_for", "i8"),
@@ -232,7 +234,7 @@ def forgive_acceleration(monitor):
     monitor.exceeded_for = 0
     monitor.reference = monitor.lead_reference = monitor.slope_before = np.nan
     monitor.corrected, monitor.faded_for = False, 0
-    monitor.level_for = 0.0
+    monitor.level, monitor.level_for = np.nan, 0.0
     monitor.size = monitor.size_std = monitor.off = monitor.felt = np.nan
     monitor.settled = 0
     forget_baseline(monitor)

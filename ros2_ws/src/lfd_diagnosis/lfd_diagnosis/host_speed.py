@@ -46,7 +46,7 @@ slope of the road may be taken for a change after a second."""
 UNLIKE = 0.4
 """Share of what it missed while it repeated itself that a leap may differ by."""
 
-DEAD, DEAD_JUMP, DEAD_TIME = 1.2, 0.1, 1.0
+DEAD, DEAD_JUMP, DEAD_TIME = 2.0, 0.1, 1.0
 """m/s below which many a wheel's sensor says zero, and by how much it jumps at least, from there
 and to there; its derivative begins anew, when the car has surely come to rest (s)."""
 
@@ -61,6 +61,9 @@ RATTLE, RATTLES, BUMP = 4.0, 9, 30
 """Standard deviations of its noise beyond which a speed leaps as no car does, for how many steps a
 wheel that was so shaken is not believed to the last, and for how many the road may still shake the
 car."""
+
+GRIP, SLIPPING = 12.0, 50
+"""m/s^2 that no tyre makes, beyond which the wheels slip, and for how many steps they may go on."""
 
 SWINGS = 0.1
 """Seconds for which a wheel that was shaken just now may jump as no car does."""
@@ -131,6 +134,7 @@ HOST_SPEED = np.dtype(
         ("slow_derivative", "f8"),
         ("largest_jerk", "f8"),
         ("calm_for", "i8"),
+        ("slipped", "i8"),
         ("followed", "f8"),
         ("felt", "f8"),
     ],
@@ -180,6 +184,7 @@ def lose_speed(speed):
     speed.doubted_at = -np.inf
     speed.rough_for, speed.same, speed.felt = 0.0, 0, 0.0
     speed.calm_for = BUMP
+    speed.slipped = SLIPPING
     _stop_following(speed)
 
 
@@ -322,6 +327,12 @@ def rattles(speed):
 
 
 @inner
+def slips(speed):
+    """Whether its wheels slipped just now: they are slower than the car."""
+    return speed.slipped < SLIPPING
+
+
+@inner
 def is_road_calm(speed):
     """Whether no wheel was shaken for a moment."""
     return speed.calm_for >= BUMP
@@ -352,6 +363,7 @@ def follow_speed(speed, settings, now, at, value, acceleration, shaken):
     value = speed.last + speed.derivative_then * (now - speed.last_at)
     speed.filtered += filter_share(filter_time) * (value - speed.filtered)
     speed.derivative = (value - speed.filtered) / filter_time
+    speed.slipped = 0 if abs(speed.derivative) > GRIP else speed.slipped + 1
     speed.slow_derivative += JERK_SHARE * (speed.derivative - speed.slow_derivative)
     faded = speed.largest_jerk * (1.0 - JERK_FADES)
     speed.largest_jerk = max(faded, abs(jerk_of(speed)))

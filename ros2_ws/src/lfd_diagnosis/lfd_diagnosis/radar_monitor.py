@@ -91,6 +91,7 @@ from lfd_diagnosis.travelled_path import (
 )
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
+from lfd_mpc.samples import UNKNOWN_TRACK
 from lfd_mpc.settings import STEP_S
 
 BIAS_SCANS = 40
@@ -267,7 +268,8 @@ def _scan(radar, settings, track_id):
         change_target(radar, max(radar.clearance.last_at, radar.velocity.last_at))
         start_target(radar, settings)
     elif not (whole and is_another(radar, settings, track_id)):
-        radar.id = track_id
+        if track_id != UNKNOWN_TRACK:
+            radar.id = track_id
         radar.scans += 1
         _judge(radar, settings, same_clearance and same_velocity and _says_again(radar, settings))
     if clearance.new:

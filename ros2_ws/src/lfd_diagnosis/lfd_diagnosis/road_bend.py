@@ -34,6 +34,7 @@ ROAD_BEND = np.dtype(
     [
         ("differences", RING),
         ("derivatives", RING),
+        ("felts", RING),
         ("steps", "i8"),
         ("since", "i8"),
         ("bent", "f8"),
@@ -51,6 +52,7 @@ def start_bend(bend):
     """Begin with nothing."""
     start_ring(bend.differences, KEPT)
     start_ring(bend.derivatives, KEPT)
+    start_ring(bend.felts, KEPT)
     bend.steps = bend.since = 0
     bend.bent = 0.0
 
@@ -63,7 +65,7 @@ def slope_now(bend):
 
 
 @inner
-def follow_bend(bend, jump, difference, derivative, speed, steepest):
+def follow_bend(bend, jump, difference, derivative, felt, speed, steepest):
     """Take one step's difference and derivative (m/s^2) at that speed (m/s); returns by how much
     the slope of the road is known to have changed (m/s^2), none being steeper than `steepest`."""
     bend.steps += 1
@@ -71,6 +73,7 @@ def follow_bend(bend, jump, difference, derivative, speed, steepest):
         return 0.0
     append(bend.differences, difference)
     append(bend.derivatives, derivative)
+    append(bend.felts, felt)
     if not is_full(bend.differences):
         return 0.0
     if bend.since:
@@ -83,7 +86,7 @@ def follow_bend(bend, jump, difference, derivative, speed, steepest):
     changed = now - before
     if abs(changed) < FASTER + jump_deviation(jump) or abs(now) > steepest:
         return 0.0
-    if not (SLOWEST <= speed <= FASTEST and _is_steady(bend)):
+    if not (SLOWEST <= speed <= FASTEST and _is_steady(bend, abs(changed))):
         return 0.0
     if came_at_once(jump, changed):
         return 0.0
@@ -99,9 +102,11 @@ def follow_bend(bend, jump, difference, derivative, speed, steepest):
 
 
 @inner
-def _is_steady(bend):
-    """Whether the host was in no manoeuvre."""
-    return range_of(bend.derivatives) <= STEADY
+def _is_steady(bend, changed):
+    """Whether the host was in no manoeuvre, as its accelerometer, which feels the bend by which it
+    `changed` as well, feels it, too: a late or smoothed speed tells of it when it is half over."""
+    felt = range_of(bend.felts) <= STEADY + changed
+    return felt and range_of(bend.derivatives) <= STEADY
 
 
 @inner
@@ -112,7 +117,7 @@ def has_bent(bend):
     if bend.since == 1:
         return bend.bent >= SURE
     changed = slope_now(bend) - mean_of(bend.differences, 0, MEAN)
-    flat = bend.since > LEAST and abs(changed) < FLAT and _is_steady(bend)
+    flat = bend.since > LEAST and abs(changed) < FLAT and _is_steady(bend, bend.bent + DRIFT)
     if flat or bend.since > REST:
         bend.since, bend.bent = 0, 0.0
     return flat

@@ -53,6 +53,9 @@ SHIFT_TIME, SHIFT_DOUBT, SHIFT_POINTS = 0.4, 0.5, 3
 """Seconds in which a radar goes over to another part of the same car, the ratio of errors below
 which that explains a difference, and points that are needed on either side."""
 
+MOST_LATE = 0.35
+"""Seconds by which a radar's relative velocity may be later than its clearance, or earlier."""
+
 SUDDEN, SUDDEN_SHARE = 0.8, 0.7
 """Seconds in which no drift goes such a share of the way to its limit."""
 
@@ -75,7 +78,7 @@ POINTS = 4096
 TRAVELLED_PATH = np.dtype(
     [
         ("noise", LEARNT_NOISE),
-        ("points", "f8", (POINTS, 3)),
+        ("points", "f8", (POINTS, 4)),
         ("reach", "f8"),
         ("first", "i8"),
         ("count", "i8"),
@@ -170,6 +173,7 @@ def follow_path(path, settings, time, clearance, velocity, step):
         path.first, path.count = _point(path, 1), path.count - 1
     new = _point(path, path.count)
     points[new, 0], points[new, 1], points[new, 2] = time, off, step
+    points[new, 3] = velocity
     path.count += 1
     while time - points[path.first, 0] > 2.0 * settings.drift_window + 1.0:
         path.first, path.count = _point(path, 1), path.count - 1
@@ -261,6 +265,22 @@ def _fit(times, off, power):
 
 
 @inner
+def _fit_lateness(said, off):
+    """Best of a relative velocity that is later than its clearance: squared error, and by how many
+    s."""
+    mean_said, mean_off = said.mean(), off.mean()
+    product = square = 0.0
+    for i in range(len(said)):
+        product += (said[i] - mean_said) * (off[i] - mean_off)
+        square += (said[i] - mean_said) ** 2
+    lateness = product / max(square, 1e-9)
+    error = 0.0
+    for i in range(len(said)):
+        error += (off[i] - mean_off - lateness * (said[i] - mean_said)) ** 2
+    return error, lateness
+
+
+@inner
 def _fit_shift(times, off):
     """Best of one level before and another one after: squared error, and how far apart they are.
 
@@ -331,10 +351,12 @@ def explain_drift(path, settings, reach, excess, held, noise, drift):
         skipped += 1
     n = path.count - skipped
     times, off, steps = np.empty(n), np.empty(n), np.empty(n)
+    said = np.empty(n)
     for i in range(n):
         k = _point(path, skipped + i)
         times[i] = path.points[k, 0] - now
         off[i], steps[i] = path.points[k, 1], path.points[k, 2]
+        said[i] = path.points[k, 3]
     line_error, line_onset, line_base, line_slope = _fit(times, off, 1)
     bend_error, bend_onset, _, bend_slope = _fit(times, off, 2)
     drift.told = drift.shifted = False
@@ -342,6 +364,11 @@ def explain_drift(path, settings, reach, excess, held, noise, drift):
         _tell(drift, True, Kind.HOLD, off[n - 1] - line_base)
         return
     better, worse = min(line_error, bend_error), max(line_error, bend_error)
+    late_error, lateness = _fit_lateness(said, off)
+    left = n * WANDERS * noise
+    if abs(lateness) <= MOST_LATE and DOUBT * (late_error + left) <= better + left:
+        # One of the two is later than the other: nobody drifts.
+        return
     shift_error, shift = _fit_shift(times, off)
     shifted = shift_error < SHIFT_DOUBT * better
     if abs(shift) <= settings.largest_shift and DOUBT * shift_error < better:
