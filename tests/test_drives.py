@@ -18,6 +18,7 @@ from lfd_mpc.samples import (
     RadarSample,
     ScalarSample,
 )
+from lfd_replay.calibrate import main_calibrate
 from lfd_replay.drive import make_drive, playing_times
 from lfd_replay.drive_bag import sample_message, typestore, write_drive
 from lfd_replay.errors import run_command
@@ -31,6 +32,7 @@ from lfd_replay.read_drive import ReadOptions, read_drive
 
 HEADER = "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2"
 ROWS = ["0.00,30.0,-1.0,15.0,0.1", "0.05,29.9,-1.0,15.0,0.1", "0.10,29.8,-1.0,15.0,0.1"]
+HOST_DBC = ["--host-dbc", "car.dbc", "--speed-signal", "SPEED"]
 PARAMS = Path(__file__).parent.parent / "ros2_ws/src/lfd_bringup/params"
 
 
@@ -250,6 +252,48 @@ def test_a_drive_in_other_units_of_time_is_refused_by_all_that_read_it(tmp_path,
 def test_a_track_that_is_not_finite_is_unknown(tmp_path: Path) -> None:
     path = csv(tmp_path, "0,30,-1,15,0.1,nan", "1,30,-1,15,0.1,", header=HEADER + ",track_id")
     assert {s.track_id for s in read_drive(path).samples if s.input == RADAR} == {UNKNOWN_TRACK}
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments"),
+    [
+        (main_evaluate, ["good.csv", "--json", "good.csv"]),
+        (main_evaluate, ["good.csv", "--json", "link.csv"]),
+        (main_evaluate, ["good.csv", "--params", "p.yaml", "--json", "p.yaml"]),
+        (main_evaluate, ["good.csv", "good.mcap", "--json", "good.mcap"]),
+        (main_evaluate, ["bag", "--json", "bag/metadata.yaml"]),
+        (main_evaluate, ["bag", "--report", "bag"]),
+        (main_evaluate, [".", "--json", "bag/bag.mcap"]),
+        (main_inspect, ["good.csv", "--json", "good.csv"]),
+        (main_import, ["good.mcap", "-o", "good.mcap"]),
+        (main_import, ["good.csv", "--accel", "a.mcap:x", "-o", "a.mcap"]),
+        (main_calibrate, ["good.csv", "good.mcap", "-o", "good.mcap"]),
+        (main_calibrate, ["good.csv", *HOST_DBC, "-o", "car.dbc"]),
+    ],
+)
+def test_what_is_read_is_never_written_over(
+    command, arguments, tmp_path, monkeypatch, capsys
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    drive = read_drive(csv(tmp_path, name="good.csv"))
+    write_drive(drive, tmp_path / "good.mcap")
+    write_bag2(tmp_path / "bag", drive.samples, StoragePlugin.MCAP)
+    (tmp_path / "link.csv").symlink_to("good.csv")
+    for name in ("p.yaml", "a.mcap", "car.dbc"):
+        (tmp_path / name).write_text("/**/mpc_node: {ros__parameters: {preview_time: 1.25}}")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert run_command(command, arguments) == 2
+    errors = capsys.readouterr().err
+    assert errors.count("\n") == 1 and "would be written over" in errors
+    after = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert after == before and (tmp_path / "link.csv").is_symlink()
+
+
+def test_results_may_lie_among_the_drives_of_a_folder(tmp_path: Path, capsys) -> None:
+    csv(tmp_path, name="good.csv")
+    for _ in range(2):
+        assert main_evaluate([str(tmp_path), "--jobs", "1", "--json", f"{tmp_path}/all.json"]) == 0
+    capsys.readouterr()
 
 
 @pytest.mark.parametrize(

@@ -23,15 +23,18 @@ from lfd_observer.observer_node import ObserverNode
 from lfd_replay.bag_player import add_play_options, play, play_options
 from lfd_replay.command_line import add_drive_options, print_table, result_table, warn
 from lfd_replay.drive import Drive
-from lfd_replay.drive_bag import replace_folder, write_drive
+from lfd_replay.drive_bag import refuse_others_bag, replace_folder, write_drive
 from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.lockstep import LockstepError
-from lfd_replay.paths import make_folder, share_folder
+from lfd_replay.paths import make_folder, refuse_to_overwrite, share_folder
 from lfd_replay.player import GRAPH_NODES, PlayerNode, samples_to_play
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES
-from lfd_replay.read_drive import read_drive, read_options
+from lfd_replay.read_drive import files_read, read_drive, read_options
 from lfd_replay.score import score, timeline
 from lfd_replay.text_file import write_text
+
+LEFT = ("bag", "summary.json", "report.html")
+"""What a replay leaves in its folder."""
 
 DEFAULT_DRIVE = "data-1"
 DEFAULT_FAULT = "offset:clearance=4,relative_velocity=-10@20-30;offset:acceleration=4@50-60"
@@ -100,6 +103,10 @@ def main_replay(arguments: list[str], joined: float) -> int:
     if options.profile not in PROFILES:
         raise UserError(f"--profile {options.profile}: unknown; there are: {', '.join(PROFILES)}")
     fault_texts = options.fault
+    refuse_others_bag(options.out / "bag")
+    if options.drive:
+        for name in LEFT:
+            refuse_to_overwrite(options.out / name, files_read(options, Path(options.drive)))
     path = Path(options.drive) if options.drive else default_drive(options.out)
     if not options.drive and not any(text.strip() for text in fault_texts):
         fault_texts = [DEFAULT_FAULT]

@@ -26,6 +26,7 @@ from lfd_replay.evaluation.normal_driving import (
 )
 from lfd_replay.evaluation.trace import JUDGED, Trace, record_trace
 from lfd_replay.offline import OfflineGraph
+from lfd_replay.paths import refuse_to_overwrite
 from lfd_replay.profiles import (
     DEFAULT_PROFILE,
     PROFILES,
@@ -33,7 +34,7 @@ from lfd_replay.profiles import (
     graph_settings,
     parameter_file_text,
 )
-from lfd_replay.read_drive import add_read_options, read_drive, read_options
+from lfd_replay.read_drive import add_read_options, files_read, read_drive, read_options
 from lfd_replay.score import intervals
 from lfd_replay.text_file import write_text
 
@@ -183,6 +184,7 @@ def main_calibrate(arguments: list[str]) -> int:
 
     if not options.false_events >= 0.0:
         raise UserError(f"--false-events {options.false_events}: 0 or more per hour is expected")
+    refuse_to_overwrite(options.out, files_read(options, *options.drives))
     settings = graph_settings(options.profile)
     reading = read_options(options)
     drives = [read_drive(path, reading) for path in options.drives]

@@ -1,6 +1,7 @@
 """Drives as bags: rosbag2 (MCAP or sqlite3) and ROS 1."""
 
 import errno
+import os
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -35,6 +36,8 @@ from lfd_replay.recordings.recorded_messages import (
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the system says where no more can be written."""
+
+HORIZON_TYPE = "lfd_msgs/msg/PredictionHorizon"
 
 TOPICS = {
     RADAR: ("/radar/target", "lfd_msgs/msg/RadarTarget"),
@@ -288,8 +291,34 @@ def write_what_fits(rows: list[tuple[int, str, str, Any]], folder: Path) -> int:
             return count
 
 
+def refuse_others_bag(folder: Path) -> None:
+    """Raises UserError where a folder is there that is no bag which a run has left.
+
+    Such a bag holds what no other does: the name that `write_bag` gives, and each step's horizon.
+    """
+    if not os.path.lexists(folder):
+        return
+    try:
+        names = {entry.name for entry in folder.iterdir()}
+        ours = not names
+        if names == {"metadata.yaml", f"{folder.name}.mcap"}:
+            text = (folder / "metadata.yaml").read_text(errors="replace")
+            ours = HORIZON_TYPE in text or "\n  message_count: 0\n" in text
+    except OSError as error:
+        raise UserError(f"{folder}: cannot be written ({error.strerror})") from error
+    if not ours:
+        raise UserError(
+            f"{folder}: cannot be written: it is no bag that a run has left, and stays as it is; "
+            "another --out is expected"
+        )
+
+
 def replace_folder(new: Path, old: Path) -> None:
-    """Put a finished folder in the place of an older one."""
+    """Put a finished bag in the place of an older one, which goes beside the new one's place.
+
+    Raises UserError where the older one is somebody else's.
+    """
+    refuse_others_bag(old)
     if old.exists():
-        shutil.rmtree(old)
+        old.replace(new.with_name("older"))
     new.replace(old)

@@ -20,12 +20,9 @@ from lfd_replay.errors import run_command
 from lfd_replay.evaluate_many import drives_of, evaluate_all, many_table, say_failures
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.offline import OfflineGraph
+from lfd_replay.paths import refuse_to_overwrite
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, GraphSettings, graph_settings
-from lfd_replay.read_drive import (
-    ReadOptions,
-    read_drive,
-    read_options,
-)
+from lfd_replay.read_drive import ReadOptions, files_read, read_drive, read_options
 from lfd_replay.recorded_step import RecordedStep
 from lfd_replay.score import Timeline, row_timeline, score
 from lfd_replay.text_file import write_text
@@ -135,6 +132,11 @@ def main_evaluate(arguments: list[str]) -> int:
         read_options(options),
     )
     drives = drives_of(options.drives)
+    read = files_read(options, *(drives or options.drives), options.params)
+    if options.json:
+        refuse_to_overwrite(options.json, read)
+    if options.report:
+        refuse_to_overwrite(options.report / "report.html", read)
     if drives is not None:
         if options.report:
             raise UserError("--report makes the page of one drive; give one")

@@ -12,7 +12,14 @@ from lfd_replay.command_line import print_table
 from lfd_replay.drive_csv import read_csv_as_it_is
 from lfd_replay.errors import WrongOption, run_command
 from lfd_replay.inspection import bag_topics, inspect_streams, remarks
-from lfd_replay.read_drive import add_read_options, read_options, read_streams, without_offset
+from lfd_replay.paths import refuse_to_overwrite
+from lfd_replay.read_drive import (
+    add_read_options,
+    files_read,
+    read_options,
+    read_streams,
+    without_offset,
+)
 from lfd_replay.text_file import write_text
 
 
@@ -54,6 +61,8 @@ def main_inspect(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
 
     reading = read_options(options)
+    if options.json:
+        refuse_to_overwrite(options.json, files_read(options, options.drive))
     topics = bag_topics(options.drive) if options.drive.exists() else []
     problem = ""
     try:

@@ -113,6 +113,11 @@ def read_options(options: argparse.Namespace) -> ReadOptions:
     )
 
 
+def files_read(options: argparse.Namespace, *drives: Path | None) -> list[Path]:
+    """What a command reads: drives, further files where given, and those of reading options."""
+    return [path for path in (*drives, options.host_dbc) if path is not None]
+
+
 def _numbers(option: str, text: str, count: int) -> list[float]:
     try:
         values = [float(part) for part in text.split(",")]
