@@ -147,7 +147,7 @@ def check_together(file: Path) -> None:
     assert result["failed"] == 1 and "is empty" in result["drives"][3]["error"]
     assert result["sensors"]["clearance"] == {"windows": 3, "found": 3, "false_events": 0}
     assert result["hours"] == pytest.approx(
-        sum(d["duration_s"] for d in result["drives"][:3]) / 3600, abs=1e-6
+        sum(d["steps"] for d in result["drives"][:3]) * 0.01 / 3600, abs=1e-6
     )
 
 
@@ -158,6 +158,32 @@ def test_a_bad_drive_is_named_and_does_not_stop_the_rest(folder, tmp_path, capfd
     printed = capfd.readouterr()
     assert "3 of 3, 0" in printed.out and "bad.csv: is empty" in printed.err
     assert not journal_file(out, []).exists(), "nothing is left behind"
+
+
+ROW = "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2\n"
+
+
+def test_a_drive_that_was_not_judged_is_no_healthy_hour(tmp_path: Path, capfd) -> None:
+    many, out = tmp_path / "many", tmp_path / "all.json"
+    many.mkdir()
+    for name, unit in (("micro", 50_000), ("seconds", 0.05)):
+        rows = "".join(f"{k * unit:.2f},30,0,15,0\n" for k in range(200))
+        (many / f"{name}.csv").write_text(ROW + rows)
+    arguments = ["--jobs", "1", "--json", str(out), "--fault", "zero:clearance@20-21"]
+    assert main_evaluate([str(many), *arguments]) == 0
+    result = json.loads(out.read_text())
+    steps = [drive["steps"] for drive in result["drives"]]
+    assert steps == [200, 996] and result["hours"] == pytest.approx(sum(steps) / 360_000, abs=1e-6)
+    printed, said = capfd.readouterr()
+    assert [row.split()[5] for row in printed.splitlines() if ".csv" in row] == ["0.0%", "95.6%"]
+    never = (
+        "micro.csv: never ready: clearance, relative_velocity, radar, acceleration "
+        "(radar comes every 50000.00 s"
+    )
+    assert never in said and "seconds.csv: fault 'zero:clearance@20-21' starts after" in said
+    assert said.count("seconds.csv") == 1, "nothing else is wrong with it"
+    assert main_evaluate([str(many / "micro.csv")]) == 0
+    assert never in capfd.readouterr().err
 
 
 def test_an_unexpected_failure_is_shown_and_does_not_stop_the_rest(capsys) -> None:

@@ -5,7 +5,7 @@ import json
 import os
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -14,11 +14,18 @@ from rich.progress import track
 from lfd_mpc.collector import without_collector
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import Sample
-from lfd_replay.command_line import add_drive_options, print_table, result_table, warn
+from lfd_replay.command_line import (
+    add_drive_options,
+    late_faults,
+    print_table,
+    result_table,
+    warn,
+)
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate_many import drives_of, evaluate_all, many_table, say_failures
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
+from lfd_replay.inspection import inspect_streams
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.paths import refuse_to_overwrite
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, GraphSettings, graph_settings
@@ -51,7 +58,22 @@ def evaluate_drive(path: Path, question: Question) -> tuple[Drive, dict]:
         graph = OfflineGraph(question.settings)
         line = row_timeline(graph.rows(_with_faults(drive, question)), drive.zero)
         elapsed = reading + time.perf_counter() - began
-    return drive, _figures(path, drive, question, line, elapsed)
+    result = _figures(path, drive, question, line, elapsed)
+    said = (*drive.warnings, *late_faults(drive, question.faults), *_not_judged(drive, result))
+    return replace(drive, warnings=said), result
+
+
+def _not_judged(drive: Drive, result: dict) -> list[str]:
+    """Says of a drive that shows nothing why: its figures look like those of a healthy one."""
+    never = [name for name, own in result["sensors"].items() if not own["ready_fraction"]]
+    if not never:
+        return []
+    streams: dict[str, list[Sample]] = {}
+    for sample in drive.samples:
+        streams.setdefault(sample.input, []).append(sample)
+    what = f"never ready: {', '.join(never)}" if result["steps"] else "no steps: nothing was judged"
+    missing = inspect_streams(streams)["missing"]
+    return [f"{what} ({'; '.join(missing)})" if missing else what]
 
 
 def _fetch_compiled(settings: GraphSettings) -> None:
@@ -152,7 +174,7 @@ def main_evaluate(arguments: list[str]) -> int:
         drive, result = _report_drive(path, question, options.report)
     else:
         drive, result = evaluate_drive(path, question)
-    warn(drive, question.faults)
+    warn(drive, [])
     if options.json:
         write_text(options.json, json.dumps(result, indent=1, allow_nan=False) + "\n")
     title = (

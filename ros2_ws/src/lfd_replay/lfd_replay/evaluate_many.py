@@ -13,7 +13,8 @@ from rich.table import Table
 
 from lfd_diagnosis.verdict import SIGNALS
 from lfd_mpc.errors import UserError
-from lfd_replay.command_line import counting_progress
+from lfd_mpc.settings import STEP_NS
+from lfd_replay.command_line import counting_progress, say_warnings
 from lfd_replay.errors import refusal
 from lfd_replay.journal import Journal, Task, run_tasks, workers
 from lfd_replay.read_drive import is_drive
@@ -115,26 +116,38 @@ def together(results: list[dict]) -> dict:
     return {
         "drives": results,
         "failed": len(results) - len(good),
-        "hours": round(sum(result["duration_s"] for result in good) / 3600.0, 6),
+        # Of what was judged: a drive may be long and give no step.
+        "hours": round(_hours(sum(result["steps"] for result in good)), 6),
         "sensors": sensors,
     }
+
+
+def _hours(steps: int) -> float:
+    return steps * STEP_NS * 1e-9 / 3600.0
+
+
+def _ready(result: dict) -> float:
+    """Share of a drive's steps in which every sensor is judged."""
+    return min(own["ready_fraction"] for own in result["sensors"].values())
 
 
 def many_table(results: list[dict], profile: str) -> Table:
     """One line per drive, as people read it."""
     summed = together(results)
+    good = [result for result in results if "error" not in result]
+    steps = sum(result["steps"] for result in good)
+    ready = sum(_ready(result) * result["steps"] for result in good)
     table = Table(
-        "drive", "hours", "x real time", *(name.replace("_", " ") for name in SIGNALS),
+        "drive", "hours", "ready", "x real time", *(name.replace("_", " ") for name in SIGNALS),
         title=f"{len(results)} drives, {summed['hours']:.2f} h, profile {profile}; "
         "per sensor: windows found, false events",
         title_justify="left",
     )  # fmt: skip
-    for result in results:
-        if "error" in result:
-            continue
+    for result in good:
         table.add_row(
             Path(result["drive"]).name,
-            f"{result['duration_s'] / 3600.0:.3f}",
+            f"{_hours(result['steps']):.3f}",
+            f"{_ready(result):.1%}",
             f"{result['realtime_factor']:.0f}",
             *(_cell(result["sensors"][name]) for name in SIGNALS),
         )
@@ -142,6 +155,7 @@ def many_table(results: list[dict], profile: str) -> Table:
     table.add_row(
         "all",
         f"{summed['hours']:.3f}",
+        f"{ready / steps:.1%}" if steps else "-",
         "",
         *(
             f"{own['found']} of {own['windows']}, {own['false_events']}"
@@ -158,7 +172,12 @@ def _cell(figures: dict) -> str:
 
 
 def say_failures(results: list[dict]) -> int:
-    """Name the drives that could not be evaluated; returns the exit status."""
+    """Name the drives that could not be evaluated, and what is odd about the others.
+
+    Returns the exit status.
+    """
+    for result in results:
+        say_warnings(result["drive"], result.get("warnings", ()))
     failed = [result for result in results if "error" in result]
     for result in failed:
         print(f"error: {result['error']}", file=sys.stderr)
