@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from lfd_mpc.samples import HOST_SPEED
-from lfd_replay.drive_bag import write_drive
+from lfd_replay.drive_bag import write_bag, write_drive
 from lfd_replay.evaluate import main_evaluate
-from lfd_replay.evaluate_many import attempt, journal_file, say_failures
+from lfd_replay.evaluate_many import attempt, drive_key, journal_file, say_failures
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.generated.generate import generate_drive
 from lfd_replay.offline import CHUNK, OfflineGraph
@@ -223,6 +223,31 @@ def test_an_interrupted_run_goes_on_where_it_stopped(folder, tmp_path) -> None:
     drives = json.loads(out.read_text())["drives"]
     assert sum(d.get("from_journal", False) for d in drives) == len(done)
     assert len(drives) == 24
+
+
+def test_what_has_changed_is_evaluated_again(tmp_path: Path) -> None:
+    """The time of a bag's folder stays when a file in it is damaged, and so does a DBC's name."""
+    bag, dbc = tmp_path / "bag", tmp_path / "car.dbc"
+    write_bag([], bag)
+    dbc.write_text("one")
+    file = bag / "bag.mcap"
+    folder, whole = bag.stat(), file.stat()
+
+    def key() -> str:
+        return drive_key(bag, "question", [dbc])
+
+    seen = {key()}
+    assert key() in seen
+    file.write_bytes(file.read_bytes()[:-9])
+    assert bag.stat().st_mtime_ns == folder.st_mtime_ns
+    os.utime(file, ns=(whole.st_atime_ns, whole.st_mtime_ns))
+    assert key() not in seen, "another size"
+    seen.add(key())
+    os.utime(file, ns=(whole.st_atime_ns, whole.st_mtime_ns + 1))
+    assert key() not in seen, "another time"
+    seen.add(key())
+    dbc.write_text("two")
+    assert key() not in seen, "another DBC"
 
 
 def test_a_folder_without_drives_and_a_wrong_scheduler_are_refused(tmp_path, folder, capfd) -> None:

@@ -165,7 +165,13 @@ def main_evaluate(arguments: list[str]) -> int:
         if options.jobs < 1:
             raise UserError(f"--jobs {options.jobs}: 1 or more is expected")
         results = evaluate_all(
-            drives, question, evaluate_drive, options.json, options.jobs, options.scheduler
+            drives,
+            question,
+            files_read(options),
+            evaluate_drive,
+            options.json,
+            options.jobs,
+            options.scheduler,
         )
         print_table(many_table(results, options.profile))
         return say_failures(results)

@@ -6,7 +6,7 @@ import os
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rich.table import Table
@@ -58,14 +58,24 @@ def attempt(evaluate: Callable, path: Path, question: object) -> dict:
     return {**result, "warnings": list(drive.warnings)}
 
 
-def _key(path: Path, question: object) -> str:
-    """Names a drive as it is now, and what is asked of it."""
+def _state(file: Path) -> str:
     try:
-        status = path.stat()
-        state = f"{status.st_mtime_ns} {status.st_size}"
+        status = file.stat()
     except OSError:
-        state = "not there"
-    return hashlib.sha256(f"{path.resolve()} {state} {question}".encode()).hexdigest()
+        return f"{file} not there"
+    return f"{file} {status.st_mtime_ns} {status.st_size}"
+
+
+def drive_key(path: Path, question: object, further: Sequence[Path]) -> str:
+    """Names a drive as it is now, what is asked of it, and the further files that this needs."""
+    # A folder's own time does not change with the content of its files.
+    files = sorted(path.rglob("*")) if path.is_dir() else [path]
+    states = [str(path.resolve()), *map(_state, files), str(question), *map(_checksum, further)]
+    return hashlib.sha256("\0".join(states).encode()).hexdigest()
+
+
+def _checksum(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else "not there"
 
 
 def journal_file(out: Path | None, paths: list[Path]) -> Path:
@@ -79,6 +89,7 @@ def journal_file(out: Path | None, paths: list[Path]) -> Path:
 def evaluate_all(
     paths: list[Path],
     question: object,
+    further: Sequence[Path],
     evaluate: Callable,
     out: Path | None,
     jobs: int,
@@ -86,9 +97,13 @@ def evaluate_all(
 ) -> list[dict]:
     """What each drive showed, in the order of the paths; writes it to `out`.
 
+    `further`: files beside the drives that what they show depends on.
     An interrupted run goes on where it stopped. Raises UserError for an unknown scheduler.
     """
-    tasks = [Task(_key(path, question), attempt, (evaluate, path, question)) for path in paths]
+    tasks = [
+        Task(drive_key(path, question, further), attempt, (evaluate, path, question))
+        for path in paths
+    ]
     kept = journal_file(out, paths)
     journal = Journal(kept)
     with counting_progress() as progress, workers(jobs, scheduler) as pool:
