@@ -30,7 +30,7 @@ from lfd_replay.paths import make_folder, refuse_to_overwrite, share_folder
 from lfd_replay.player import GRAPH_NODES, PlayerNode, samples_to_play
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES
 from lfd_replay.read_drive import files_read, read_drive, read_options
-from lfd_replay.score import score, timeline
+from lfd_replay.score import score, shown, timeline
 from lfd_replay.text_file import write_text
 
 LEFT = ("bag", "summary.json", "report.html")
@@ -200,8 +200,9 @@ def _leave(
 
     write_bag(recorder, out / "bag")
     steps = recorder.steps()
-    sensors = score(timeline((step.report for step in steps), drive.zero), faults)
-    write_text(out / "summary.json", json.dumps(sensors, indent=1) + "\n")
+    line = timeline((step.report for step in steps), drive.zero)
+    write_text(out / "summary.json", json.dumps(score(line, faults), indent=1) + "\n")
+    sensors = shown(line, faults)
     report = write_report(out, drive.name, steps, drive.zero, faults, sensors)
     print_table(result_table(sensors, f"{len(steps)} steps"))
     console.print(f"bag: {out / 'bag'}   report: {report}", highlight=False)

@@ -31,7 +31,7 @@ from lfd_replay.paths import refuse_to_overwrite
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, GraphSettings, graph_settings
 from lfd_replay.read_drive import ReadOptions, files_read, read_drive, read_options
 from lfd_replay.recorded_step import RecordedStep
-from lfd_replay.score import Timeline, row_timeline, score
+from lfd_replay.score import Timeline, row_timeline, score, shown
 from lfd_replay.text_file import write_text
 
 
@@ -48,6 +48,12 @@ class Question:
 
 def evaluate_drive(path: Path, question: Question) -> tuple[Drive, dict]:
     """The drive and the contract's figures. Raises UserError for what is no drive."""
+    drive, result, _ = _judge(path, question)
+    return drive, result
+
+
+def _judge(path: Path, question: Question) -> tuple[Drive, dict, Timeline]:
+    """The same, and the states that the figures are of."""
     with without_collector():
         began = time.perf_counter()
         drive = read_drive(path, question.reading)
@@ -60,7 +66,7 @@ def evaluate_drive(path: Path, question: Question) -> tuple[Drive, dict]:
         elapsed = reading + time.perf_counter() - began
     result = _figures(path, drive, question, line, elapsed)
     said = (*drive.warnings, *late_faults(drive, question.faults), *_not_judged(drive, result))
-    return replace(drive, warnings=said), result
+    return replace(drive, warnings=said), result, line
 
 
 def _not_judged(drive: Drive, result: dict) -> list[str]:
@@ -101,9 +107,8 @@ def _figures(path: Path, drive: Drive, question: Question, line: Timeline, elaps
     }
 
 
-def _report_drive(path: Path, question: Question, folder: Path) -> tuple[Drive, dict]:
-    """The same, and once more step by step: the page shows what was said at each of them."""
-    drive, result = evaluate_drive(path, question)
+def _report_drive(drive: Drive, question: Question, sensors: dict, folder: Path) -> None:
+    """Once more step by step: the page shows what was said at each of them."""
     graph = OfflineGraph(question.settings)
     samples = _with_faults(drive, question)
     console = Console(stderr=True)
@@ -113,8 +118,7 @@ def _report_drive(path: Path, question: Question, folder: Path) -> tuple[Drive, 
     from lfd_replay.report import write_report
 
     recorded = [RecordedStep(step.horizon, step.bank, step.outcome.report) for step in steps]
-    write_report(folder, drive.name, recorded, drive.zero, question.faults, result["sensors"])
-    return drive, result
+    write_report(folder, drive.name, recorded, drive.zero, question.faults, sensors)
 
 
 def main_evaluate(arguments: list[str]) -> int:
@@ -176,10 +180,10 @@ def main_evaluate(arguments: list[str]) -> int:
         print_table(many_table(results, options.profile))
         return say_failures(results)
     (path,) = options.drives
+    drive, result, line = _judge(path, question)
+    sensors = shown(line, question.faults)
     if options.report:
-        drive, result = _report_drive(path, question, options.report)
-    else:
-        drive, result = evaluate_drive(path, question)
+        _report_drive(drive, question, sensors, options.report)
     warn(drive, [])
     if options.json:
         write_text(options.json, json.dumps(result, indent=1, allow_nan=False) + "\n")
@@ -188,7 +192,7 @@ def main_evaluate(arguments: list[str]) -> int:
         f"{result['elapsed_s']:.2f} s ({result['realtime_factor']:.0f} x real time), "
         f"profile {options.profile}"
     )
-    print_table(result_table(result["sensors"], title))
+    print_table(result_table(sensors, title))
     return 0
 
 
