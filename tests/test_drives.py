@@ -1,9 +1,11 @@
 """Drives in and out, generated ones, and every mistake a user can make with them."""
 
 import math
+import shutil
 from pathlib import Path
 
 import pytest
+from esr_frames import candump, scan_frames
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -23,12 +25,13 @@ from lfd_replay.drive import make_drive, playing_times
 from lfd_replay.drive_bag import sample_message, typestore, write_drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
+from lfd_replay.evaluate_many import drives_of
 from lfd_replay.import_drive import main_import
 from lfd_replay.inspect import main_inspect
 from lfd_replay.make_drive import main_make
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import NODES, graph_settings, profile_file_text
-from lfd_replay.read_drive import ReadOptions, read_drive
+from lfd_replay.read_drive import ReadOptions, read_drive, read_streams
 
 HEADER = "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2"
 ROWS = ["0.00,30.0,-1.0,15.0,0.1", "0.05,29.9,-1.0,15.0,0.1", "0.10,29.8,-1.0,15.0,0.1"]
@@ -102,13 +105,39 @@ def test_a_written_drive_is_one_file_that_gives_back_every_sample(tmp_path: Path
     assert [p.name for p in (tmp_path / "new").iterdir()] == ["out.mcap"]
 
 
+def test_the_case_of_a_suffix_does_not_matter(tmp_path: Path, capsys) -> None:
+    """Cameras, loggers and FAT file systems write UP.CSV."""
+    drive = read_drive(csv(tmp_path, name="UP.CSV"))
+    write_drive(drive, tmp_path / "low.mcap")
+    (tmp_path / "low.mcap").rename(tmp_path / "UP.MCAP")
+    write_bag2(tmp_path / "bag", drive.samples, StoragePlugin.SQLITE3)
+    (tmp_path / "bag/bag.db3").rename(tmp_path / "Up.Db3")
+    shutil.rmtree(tmp_path / "bag")
+    (tmp_path / "UP.LOG").write_text(candump(scan_frames(0.0, 0, {})))
+    assert sorted(p.name for p in drives_of([tmp_path])) == [
+        "UP.CSV",
+        "UP.LOG",
+        "UP.MCAP",
+        "Up.Db3",
+    ]
+    for name in ("UP.MCAP", "Up.Db3"):
+        assert read_drive(tmp_path / name).samples == drive.samples
+        assert run_command(main_inspect, [str(tmp_path / name)]) == 0
+        assert "/radar/target" in capsys.readouterr().out
+    assert len(read_streams(tmp_path / "UP.LOG")[0][RADAR]) == 1
+    with pytest.raises(UserError, match=r"there are: UP.CSV, UP.LOG, UP.MCAP, Up.Db3"):
+        read_drive(tmp_path / "up.csv")
+
+
 def test_a_ros_1_bag_without_the_topics_says_what_it_has(tmp_path: Path) -> None:
     store = get_typestore(Stores.ROS1_NOETIC)
     message = store.types["std_msgs/msg/String"](data="x")
     with Writer1(tmp_path / "old.bag") as writer:
         connection = writer.add_connection("/words", "std_msgs/msg/String", typestore=store)
         writer.write(connection, 1, store.serialize_ros1(message, "std_msgs/msg/String"))
-    with pytest.raises(UserError, match=r"RadarTarget.*/words"):
+    with pytest.raises(
+        UserError, match=r"RadarTarget or .*EsrTrack or .*msgs/msg/Frame for.*/words"
+    ):
         read_drive(tmp_path / "old.bag")
 
 

@@ -87,10 +87,25 @@ class Topics:
 
 
 @contextmanager
+def _with_known_name(path: Path) -> Iterator[Path]:
+    """The path of a bag under which rosbags knows its kind: it heeds the suffix's case."""
+    if path.suffix == path.suffix.lower() or path.is_dir():
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="lfd-") as folder:
+        known = Path(folder) / f"bag{path.suffix.lower()}"
+        known.symlink_to(path.resolve())
+        yield known
+
+
+@contextmanager
 def open_bag(path: Path) -> Iterator[AnyReader]:
     """A bag to read. Raises UserError for one that cannot be read, then or while it is read."""
     try:
-        with AnyReader([path], default_typestore=_TypesIfNeeded()) as reader:
+        with (
+            _with_known_name(path) as known,
+            AnyReader([known], default_typestore=_TypesIfNeeded()) as reader,
+        ):
             yield reader
     except UserError:
         raise
@@ -185,7 +200,8 @@ def _choose(path: Path, reader: AnyReader, name: str, topic: str | None) -> list
     if name in (HOST_SPEED, LEAD_ACCELERATION):
         return []
     raise UserError(
-        f"{path}: no topic of type {TYPES[name][0]} for {TOPICS[name][0]}; there are: {there}"
+        f"{path}: no topic of type {' or '.join(TYPES[name])} for {TOPICS[name][0]}; "
+        f"there are: {there}"
     )
 
 

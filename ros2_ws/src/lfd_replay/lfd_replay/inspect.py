@@ -72,7 +72,7 @@ def main_inspect(arguments: list[str]) -> int:
     except UserError as error:
         # It can be read, but is no drive: what the graph needs is not there or must be chosen.
         damage, problem = [], str(error).removeprefix(f"{options.drive}: ")
-        if options.drive.suffix == ".csv" and options.drive.is_file():
+        if options.drive.suffix.lower() == ".csv" and options.drive.is_file():
             streams = read_csv_as_it_is(options.drive, reading.mapping)
             streams = without_offset(options.drive, streams, reading)
         elif topics:

@@ -133,14 +133,14 @@ def is_drive(path: Path) -> bool:
     """Whether a path looks like one drive: a file of a known kind, a bag folder or a segment."""
     if path.is_dir():
         return (path / "metadata.yaml").is_file() or is_segment(path)
-    return path.suffix in (*BAG_SUFFIXES, *CAN_SUFFIXES, ".csv")
+    return path.suffix.lower() in (*BAG_SUFFIXES, *CAN_SUFFIXES, ".csv")
 
 
 def _kind(path: Path) -> str:
     """What a path holds: one of `KINDS`. Raises UserError for anything else."""
     if not path.exists():
         raise UserError(f"{path}: no such file{_neighbours(path)}")
-    if path.suffix in BAG_SUFFIXES or (path / "metadata.yaml").is_file():
+    if path.suffix.lower() in BAG_SUFFIXES or (path / "metadata.yaml").is_file():
         return BAG
     if path.is_dir() and is_segment(path):
         return SEGMENT
@@ -149,9 +149,9 @@ def _kind(path: Path) -> str:
             f"{path}: is a folder without metadata.yaml or processed_log; a bag folder or a "
             "comma2k19 segment is expected"
         )
-    if path.suffix in CAN_SUFFIXES:
+    if path.suffix.lower() in CAN_SUFFIXES:
         return CAN_LOG
-    if path.suffix == ".csv":
+    if path.suffix.lower() == ".csv":
         return CSV
     raise UserError(
         f"{path}: is no drive; a .csv file, a bag folder, a CAN log "
@@ -243,7 +243,7 @@ def _neighbours(path: Path) -> str:
     if not path.parent.is_dir():
         return f"; there is no folder {path.parent} either"
     suffixes = (*BAG_SUFFIXES, *CAN_SUFFIXES, ".csv")
-    there = sorted(p.name for p in path.parent.iterdir() if p.suffix in suffixes)
+    there = sorted(p.name for p in path.parent.iterdir() if p.suffix.lower() in suffixes)
     return f"; in {path.parent} there are: {', '.join(there[:10])}" if there else ""
 
 
