@@ -26,7 +26,7 @@ from lfd_replay.drive_bag import sample_message, typestore, write_drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
 from lfd_replay.evaluate_many import drives_of
-from lfd_replay.import_drive import main_import
+from lfd_replay.import_drive import join_drive, main_import
 from lfd_replay.inspect import main_inspect
 from lfd_replay.make_drive import main_make
 from lfd_replay.offline import OfflineGraph
@@ -78,6 +78,21 @@ def test_samples_of_one_stamp_are_played_with_the_acceleration_last(tmp_path: Pa
 def test_nan_samples_are_accepted_and_warned_of(tmp_path: Path) -> None:
     drive = read_drive(csv(tmp_path, "0,nan,-1,15,inf", "0.05,29,-1,15,0.1"))
     assert len(drive.warnings) == 2 and all("count as no sample" in w for w in drive.warnings)
+
+
+def test_damaged_rows_are_counted(tmp_path: Path) -> None:
+    """A short row is read as an empty road, and a file may be cut off within its last number."""
+    path = csv(tmp_path, ROWS[0], "0.05,29.9,-1", "0.07", ROWS[2])
+    short = "2 rows have fewer than the header's 5 cells; those that are missing count as blank"
+    assert read_drive(path).warnings == (short,)
+    path.write_text(path.read_text()[:-1])
+    cut = "the file does not end with a line break: its last number may be cut off"
+    assert read_drive(path).warnings == (short, cut)
+    drive = join_drive(csv(tmp_path, name="whole.csv"), f"{path}:host_accel_mps2", None)
+    assert drive.warnings == (f"{path}: {short}", f"{path}: {cut}")
+    for ending in ("\r\n", "\r"):
+        path.write_bytes(ending.join([HEADER, *ROWS, ""]).encode())
+        assert read_drive(path).warnings == ()
 
 
 def write_bag2(path: Path, samples, plugin: StoragePlugin) -> None:

@@ -66,8 +66,21 @@ class Table:
             raise UserError(f"{path}: is empty; a header and at least one row are expected")
         self.header = [name.strip() for name in rows[0]]
         self._rows = rows[1:]
-        if text and not text.endswith("\n") and len(self._rows[-1]) < len(self.header):
+        ended = text.endswith(("\n", "\r"))
+        if not ended and len(self._rows[-1]) < len(self.header):
             raise UserError(f"{path}: is cut off in its last row; a whole file is expected")
+        self.remarks = list(self._oddities(ended))
+
+    def _oddities(self, ended: bool) -> Iterator[str]:
+        """What is accepted and said, as a whole file may look like that."""
+        short = sum(len(row) < len(self.header) for row in self._rows)
+        if short:
+            yield (
+                f"{short} rows have fewer than the header's {len(self.header)} cells; "
+                "those that are missing count as blank"
+            )
+        if not ended:
+            yield "the file does not end with a line break: its last number may be cut off"
 
     @property
     def there(self) -> str:
@@ -182,8 +195,10 @@ def _scan(stamp: int, clearance: float | None, velocity: float | None, track: in
 
 def read_csv_streams(
     path: Path, mapping: dict[str, str], replaced: frozenset[str] = frozenset()
-) -> dict[str, list[Sample]]:
-    """The streams of a drive in one file; columns in `replaced` are not read.
+) -> tuple[dict[str, list[Sample]], list[str]]:
+    """The streams of a drive in one file, and what is to be said of it.
+
+    Columns in `replaced` are not read.
 
     Raises UserError for a missing column, text that is no number or decreasing time.
     """
@@ -210,7 +225,7 @@ def read_csv_streams(
     for column, name in SCALARS.items():
         if column not in replaced and (column in COLUMNS or table.has(column)):
             streams[name] = scalar_stream(table, column, name)
-    return streams
+    return streams, table.remarks
 
 
 def read_csv_as_it_is(path: Path, mapping: dict[str, str]) -> dict[str, list[Sample]]:

@@ -184,9 +184,9 @@ def main_evaluate(arguments: list[str]) -> int:
     sensors = shown(line, question.faults)
     if options.report:
         _report_drive(drive, question, sensors, options.report)
-    warn(drive, [])
     if options.json:
         write_text(options.json, json.dumps(result, indent=1, allow_nan=False) + "\n")
+    warn(drive, [])
     title = (
         f"{drive.name}: {result['duration_s']:.1f} s, {result['steps']} steps in "
         f"{result['elapsed_s']:.2f} s ({result['realtime_factor']:.0f} x real time), "

@@ -59,6 +59,7 @@ def join_drive(
         if text:
             table, usual = extra_column(text, column)
             streams[name] = scalar_stream(table, usual, name)
+            remarks += [f"{table.path}: {remark}" for remark in table.remarks]
     drive = make_drive(str(recording), without_offset(recording, streams, options))
     return replace(drive, warnings=(*remarks, *drive.warnings))
 

@@ -195,7 +195,7 @@ def read_as_recorded(
         return read_segment_streams(path, mounting), []
     if kind == CAN_LOG:
         return read_can_streams(path, options.host)
-    return read_csv_streams(path, options.mapping, replaced), []
+    return read_csv_streams(path, options.mapping, replaced)
 
 
 def without_offset(
