@@ -95,6 +95,16 @@ def test_damaged_rows_are_counted(tmp_path: Path) -> None:
         assert read_drive(path).warnings == ()
 
 
+def test_all_tracks_of_a_radar_are_no_drive(tmp_path: Path) -> None:
+    twice = [row for row in ROWS for _ in range(2)]
+    assert "3 radar stamps are repeated" in read_drive(csv(tmp_path, *twice)).warnings
+    several = csv(tmp_path, *twice, ROWS[2])
+    with pytest.raises(UserError, match="4 of 7 rows have the time .* one row per scan, that of"):
+        read_drive(several)
+    with pytest.raises(UserError, match="one row per scan"):
+        join_drive(several, f"{several}:host_accel_mps2", None)
+
+
 def write_bag2(path: Path, samples, plugin: StoragePlugin) -> None:
     store = typestore()
     with Writer(path, version=9, storage_plugin=plugin) as writer:

@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Iterator
+from itertools import pairwise
 from math import isfinite, nan
 from pathlib import Path
 
@@ -25,6 +26,9 @@ COLUMNS = ("t_s", "range_m", "range_rate_mps", "host_speed_mps", "host_accel_mps
 RANGE, RANGE_RATE, SPEED, ACCEL = COLUMNS[1:]
 TRACK, LEAD_ACCEL = "track_id", "lead_accel_mps2"
 SCALARS = {SPEED: HOST_SPEED, ACCEL: ACCELERATION, LEAD_ACCEL: LEAD_ACCELERATION}
+
+MOST_REPEATED = 0.5
+"""Share of rows that may have the time of the row before: a recording may have each row twice."""
 
 LONGEST_TEXT = 40
 """Characters of the file's own text that a message repeats: a quoted cell may be a whole file."""
@@ -169,11 +173,21 @@ def scalar_stream(table: Table, column: str, name: str) -> list[Sample]:
 
 
 def radar_stream(table: Table) -> list[Sample]:
-    """The radar's scans; a blank range = the radar sees no target."""
+    """The radar's scans; a blank range = the radar sees no target.
+
+    Raises UserError where most rows are of the scan of the row before: those are all tracks.
+    """
+    stamps = table.stamps()
+    repeated = sum(stamp == before for before, stamp in pairwise(stamps))
+    if repeated > MOST_REPEATED * len(stamps):
+        raise UserError(
+            f"{table.path}: {repeated} of {len(stamps)} rows have the time of the row before, as "
+            "all tracks of a radar have; one row per scan, that of the lead, is expected"
+        )
     return [
         _scan(stamp, clearance, velocity, track)
         for stamp, clearance, velocity, track in zip(
-            table.stamps(),
+            stamps,
             table.column(RANGE),
             table.column(RANGE_RATE),
             table.tracks(),
