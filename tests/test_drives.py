@@ -2,6 +2,8 @@
 
 import math
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -348,6 +350,22 @@ def test_results_may_lie_among_the_drives_of_a_folder(tmp_path: Path, capsys) ->
     for _ in range(2):
         assert main_evaluate([str(tmp_path), "--jobs", "1", "--json", f"{tmp_path}/all.json"]) == 0
     capsys.readouterr()
+
+
+PRINTS = """
+from lfd_replay.errors import run_command
+exit(run_command(lambda _: print("a line" * {times}) or 0))
+"""
+
+
+@pytest.mark.parametrize("times", [1, 100_000])
+def test_a_full_disk_under_what_is_printed_is_one_line(times: int) -> None:
+    """Told by the line itself, or where it is short when all is printed."""
+    program = [sys.executable, "-c", PRINTS.format(times=times)]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(program, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert "the output cannot be written (No space left on device)" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Drives as bags: rosbag2 (MCAP or sqlite3) and ROS 1."""
 
-import errno
 import os
 import shutil
 import tempfile
@@ -20,7 +19,7 @@ from rosbags.typesys.store import Typestore
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, LEAD_ACCELERATION, RADAR, RadarSample, Sample
 from lfd_replay.drive import Drive
-from lfd_replay.errors import WrongOption
+from lfd_replay.errors import DISK_FULL, WrongOption
 from lfd_replay.paths import share_folder
 from lfd_replay.recordings.can_log import HostSignals
 from lfd_replay.recordings.message_definitions import DEFINITIONS
@@ -33,9 +32,6 @@ from lfd_replay.recordings.recorded_messages import (
     MessageConverter,
     Mounting,
 )
-
-DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""What the system says where no more can be written."""
 
 HORIZON_TYPE = "lfd_msgs/msg/PredictionHorizon"
 
