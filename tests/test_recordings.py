@@ -688,6 +688,17 @@ def test_inspect_takes_what_the_graph_cannot_run_on(tmp_path: Path, capsys) -> N
     found = inspected(car.write(tmp_path / "bag", host_rows(car)), tmp_path)
     assert not found["runs"] and "no topic of type lfd_msgs/msg/RadarTarget" in found["missing"][0]
     assert len(found["topics"]) == 2
+    # What it lacks hides nothing of what it has.
+    assert found["inputs"][ACCELERATION]["rate_hz"] == pytest.approx(100.0)
+    assert found["inputs"][HOST_SPEED]["samples"] == 200 and not found["inputs"][RADAR]["samples"]
+    twice = [("/imu/other", car.imu(t, 0.5)) for t in times(100.0)]
+    found = inspected(car.write(tmp_path / "two", esr_rows(car) + host_rows(car) + twice), tmp_path)
+    assert "more than one topic of type sensor_msgs/msg/Imu" in found["missing"][0]
+    assert found["inputs"][RADAR]["rate_hz"] == pytest.approx(20.0)
+    assert not found["inputs"][ACCELERATION]["samples"]
+    neither = [("/esr/status4", car.esr_status_4(t, 1)) for t in times(20.0)]
+    found = inspected(car.write(tmp_path / "neither", neither), tmp_path)
+    assert not found["runs"] and not any(own["samples"] for own in found["inputs"].values())
     csv = tmp_path / "odd.csv"
     rows = [f"{k * 0.05:.2f},{30 if k % 2 else ''},-1,15," for k in range(40)]
     rows[20:20] = [rows[19], rows[19]]

@@ -118,33 +118,48 @@ def read_bag_streams(
     topics: Topics | None = None,
     mounting: Mounting | None = None,
     host: HostSignals | None = None,
+    lacking: bool = False,
 ) -> tuple[dict[str, list[Sample]], list[str]]:
     """The streams of a bag, each in the order of its recording, and what is to be said of it.
 
-    Raises UserError for a bag that cannot be read or lacks a topic.
+    Raises UserError for a bag that cannot be read, and unless it may be `lacking` for one without
+    a topic for an input, or with more than one.
     """
     converter = MessageConverter(mounting, host)
     streams: dict[str, list[Sample]] = {name: [] for name in TOPICS}
     with open_bag(path) as reader:
         wanted = vars(topics or Topics())
         on_can = () if host is None else host.inputs
-        chosen = [
-            connection
-            for name in TOPICS
-            if name not in on_can
-            for connection in _choose(path, reader, name, wanted[name])
-        ]
+        chosen = []
+        for name in TOPICS:
+            if name not in on_can:
+                with _passed_over(lacking):
+                    chosen += _choose(path, reader, name, wanted[name])
         # Last, so that frames that hold the radar as well are known for it.
         kinds = {c.id: HOST_FRAME for c in _host_frames(path, reader, on_can)}
         kinds |= {c.id: c.msgtype for c in chosen}
         connections = [c for c in reader.connections if c.id in kinds]
-        for connection, received, raw in reader.messages(connections=connections):
+        # No connections at all would stand for all that there are.
+        messages = reader.messages(connections=connections) if connections else ()
+        for connection, received, raw in messages:
             message = reader.deserialize(raw, connection.msgtype)
             for sample in converter.push(kinds[connection.id], message, received):
                 streams[sample.input].append(sample)
     for sample in converter.flush():
         streams[sample.input].append(sample)
     return streams, [f"{count} {what}" for what, count in converter.counts.items() if count]
+
+
+@contextmanager
+def _passed_over(lacking: bool) -> Iterator[None]:
+    """An input that a bag lacks raises UserError unless it may be `lacking`."""
+    try:
+        yield
+    except WrongOption:
+        raise
+    except UserError:
+        if not lacking:
+            raise
 
 
 def _there(reader: AnyReader) -> str:

@@ -242,9 +242,12 @@ def read_csv_streams(
     return streams, table.remarks
 
 
-def read_csv_as_it_is(path: Path, mapping: dict[str, str]) -> dict[str, list[Sample]]:
-    """The streams of a CSV file that may be no drive: time may decrease, columns may be missing.
+def read_csv_as_it_is(
+    path: Path, mapping: dict[str, str]
+) -> tuple[dict[str, list[Sample]], list[str]]:
+    """The streams of a CSV file that may be no drive, and what is to be said of it.
 
+    Time may decrease, columns may be missing.
     Raises UserError for a file that cannot be read, has no time, or has text that is no number.
     """
     table = Table(path, mapping)
@@ -265,4 +268,4 @@ def read_csv_as_it_is(path: Path, mapping: dict[str, str]) -> dict[str, list[Sam
             value = columns[column][row]
             if value is not None:
                 streams[name].append(ScalarSample(name, stamp, value))
-    return streams
+    return streams, table.remarks

@@ -13,7 +13,7 @@ from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, Sample, ScalarSample
 from lfd_replay.drive import Drive, make_drive
 from lfd_replay.drive_bag import OPTIONS, Topics, read_bag_streams
-from lfd_replay.drive_csv import read_csv_streams
+from lfd_replay.drive_csv import read_csv_as_it_is, read_csv_streams
 from lfd_replay.errors import WrongOption
 from lfd_replay.recordings.can_log import SUFFIXES as CAN_SUFFIXES
 from lfd_replay.recordings.can_log import HostSignals, read_can_streams
@@ -196,6 +196,24 @@ def read_as_recorded(
     if kind == CAN_LOG:
         return read_can_streams(path, options.host)
     return read_csv_streams(path, options.mapping, replaced)
+
+
+def read_as_it_is(
+    path: Path, options: ReadOptions
+) -> tuple[dict[str, list[Sample]], list[str]] | None:
+    """The same of a bag or CSV file that is no drive: each input by itself, as far as it is there.
+
+    None for another kind of recording. Raises UserError.
+    """
+    kind = _kind(path)
+    if kind == BAG:
+        mounting = replace(options.mounting, offset=0.0)
+        streams, remarks = read_bag_streams(path, options.topics, mounting, options.host, True)
+    elif kind == CSV:
+        streams, remarks = read_csv_as_it_is(path, options.mapping)
+    else:
+        return None
+    return without_offset(path, streams, options), remarks
 
 
 def without_offset(
