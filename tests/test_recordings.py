@@ -724,6 +724,25 @@ def test_inspect_takes_a_csv_that_is_no_drive(data: Path, tmp_path: Path) -> Non
     assert any("backward stamps" in remark for remark in found["remarks"])
 
 
+def test_messages_without_a_stamp_are_counted(tmp_path: Path) -> None:
+    car = Car("mcap")
+    rows = host_rows(car) + esr_rows(car)
+    bag = tmp_path / "bag"
+    with Writer2(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections = {}
+        for topic, message in sorted(rows, key=lambda row: stamp_of(row[1])):
+            kind, received = message.__msgtype__, stamp_of(message)
+            if topic == "/imu/data":
+                message.header.stamp.sec = message.header.stamp.nanosec = 0
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=car.store)
+            writer.write(connections[topic], received, car.store.serialize_cdr(message, kind))
+    found = inspected(bag, tmp_path)
+    said = "400 messages without a stamp count as stamped when they were received"
+    assert found["runs"] and found["remarks"] == [said]
+    assert said in read_drive(bag).warnings
+
+
 def test_inspect_tells_gaps_and_clock_steps(tmp_path: Path) -> None:
     car = Car("mcap")
     rows = [row for row in host_rows(car) if not 101.0 < stamp_of(row[1]) * 1e-9 < 101.5]
