@@ -23,6 +23,7 @@ from lfd_mpc.samples import (
     ScalarSample,
 )
 from lfd_replay.calibrate import main_calibrate
+from lfd_replay.command_line import print_table, result_table
 from lfd_replay.drive import make_drive, playing_times
 from lfd_replay.drive_bag import sample_message, typestore, write_drive
 from lfd_replay.errors import run_command
@@ -350,6 +351,12 @@ def test_results_may_lie_among_the_drives_of_a_folder(tmp_path: Path, capsys) ->
     for _ in range(2):
         assert main_evaluate([str(tmp_path), "--jobs", "1", "--json", f"{tmp_path}/all.json"]) == 0
     capsys.readouterr()
+
+
+def test_the_title_of_a_table_is_one_line_however_narrow_the_table(capsys) -> None:
+    title = f"/a/long/[path]/{'x' * 150}.csv: 10.0 s"
+    print_table(result_table({}, title))
+    assert capsys.readouterr().out.splitlines()[0] == title
 
 
 PRINTS = """

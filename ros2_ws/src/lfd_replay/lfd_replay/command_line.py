@@ -93,6 +93,12 @@ def result_table(sensors: dict[str, dict], title: str) -> Table:
 
 
 def print_table(table: Table) -> None:
-    """Print a table; where nobody knows how wide the output is, wide enough for all of it."""
+    """Print a table; where nobody knows how wide the output is, wide enough for all of it.
+
+    Its title is a line of its own, which a narrow table does not break.
+    """
     console = Console()
+    if table.title:
+        console.print(table.title, markup=False, highlight=False, soft_wrap=True)
+        table.title = None
     Console(width=None if console.is_terminal else 120).print(table)
