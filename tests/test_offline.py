@@ -205,6 +205,8 @@ def test_an_interrupted_run_goes_on_where_it_stopped(folder, tmp_path) -> None:
     running = subprocess.Popen(
         [*EVALUATE, str(many), "--jobs", "1", "--json", str(out)],
         stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
         # Tests that run in the background of a shell are deaf to it, and so would this be.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
@@ -216,6 +218,8 @@ def test_an_interrupted_run_goes_on_where_it_stopped(folder, tmp_path) -> None:
     assert running.wait(timeout=60.0) == 130 and not out.exists()
     done = {json.loads(line)["key"] for line in kept.read_text().splitlines()[1:] if line}
     assert 0 < len(done) < 24
+    said = f"interrupted: {len(done)} of 24 drives are done and kept; the same command goes on"
+    assert said in running.stderr.read()
     # What is kept is not evaluated again: it is taken as it stands in the journal.
     text = kept.read_text()
     kept.write_text(text.replace('"duration_s"', '"from_journal": true, "duration_s"'))

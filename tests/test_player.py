@@ -23,6 +23,7 @@ from lfd_replay.drive_bag import replace_folder, sample_message, write_bag, writ
 from lfd_replay.errors import run_command
 from lfd_replay.lockstep import LockstepError, horizon_difference
 from lfd_replay.player import GRAPH_NODES, PlayerNode, PlayOptions, samples_to_play
+from lfd_replay.read_drive import DRIVE_HELP
 from ros_support import REPLAY_ARGUMENTS, Graph, next_domain
 
 pytestmark = pytest.mark.alone
@@ -175,6 +176,12 @@ def test_a_step_that_fails_loses_nothing_of_a_replay(monkeypatch, tmp_path: Path
     assert {path.name for path in out.iterdir()} == {"bag", "report.html", "summary.json"}
     with joined([]) as since:
         assert main_replay(arguments, since) == 1, "its own bag is replaced"
+
+
+def test_help_names_every_kind_of_drive(capsys) -> None:
+    with pytest.raises(SystemExit):
+        main_replay(["--help"], 0.0)
+    assert DRIVE_HELP in " ".join(capsys.readouterr().out.split())
 
 
 def somebodys_bag(bag: Path) -> None:

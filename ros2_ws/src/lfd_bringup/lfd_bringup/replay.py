@@ -29,7 +29,7 @@ from lfd_replay.lockstep import LockstepError
 from lfd_replay.paths import make_folder, refuse_to_overwrite, share_folder
 from lfd_replay.player import GRAPH_NODES, PlayerNode, samples_to_play
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES
-from lfd_replay.read_drive import files_read, read_drive, read_options
+from lfd_replay.read_drive import DRIVE_HELP, files_read, read_drive, read_options
 from lfd_replay.score import score, shown, timeline
 from lfd_replay.text_file import write_text
 
@@ -89,7 +89,7 @@ def default_drive(out: Path) -> Path:
 def main_replay(arguments: list[str], joined: float) -> int:
     """The command line of `replay`; `joined`: `time.monotonic()` at which ROS was joined."""
     parser = argparse.ArgumentParser(prog="replay", description=__doc__)
-    parser.add_argument("--drive", default="", help="CSV file or bag (default: a generated drive)")
+    parser.add_argument("--drive", default="", help=f"{DRIVE_HELP} (default: a generated drive)")
     add_play_options(parser)
     add_drive_options(parser)
     parser.add_argument(

@@ -34,7 +34,13 @@ from lfd_replay.profiles import (
     graph_settings,
     parameter_file_text,
 )
-from lfd_replay.read_drive import add_read_options, files_read, read_drive, read_options
+from lfd_replay.read_drive import (
+    DRIVE_HELP,
+    add_read_options,
+    files_read,
+    read_drive,
+    read_options,
+)
 from lfd_replay.score import intervals
 from lfd_replay.text_file import write_text
 
@@ -165,7 +171,7 @@ def of_paper(settings: GraphSettings) -> GraphSettings:
 def main_calibrate(arguments: list[str]) -> int:
     """The command line of `calibrate`."""
     parser = argparse.ArgumentParser(prog="calibrate", description=__doc__)
-    parser.add_argument("drives", type=Path, nargs="+", metavar="DRIVE", help="CSV file or bag")
+    parser.add_argument("drives", type=Path, nargs="+", metavar="DRIVE", help=DRIVE_HELP)
     add_read_options(parser)
     parser.add_argument(
         "--profile",

@@ -29,7 +29,7 @@ from lfd_replay.inspection import inspect_streams
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.paths import refuse_to_overwrite
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, GraphSettings, graph_settings
-from lfd_replay.read_drive import ReadOptions, files_read, read_drive, read_options
+from lfd_replay.read_drive import DRIVE_HELP, ReadOptions, files_read, read_drive, read_options
 from lfd_replay.recorded_step import RecordedStep
 from lfd_replay.score import Timeline, row_timeline, score, shown
 from lfd_replay.text_file import write_text
@@ -129,8 +129,7 @@ def main_evaluate(arguments: list[str]) -> int:
         type=Path,
         nargs="+",
         metavar="DRIVE",
-        help="CSV file, bag, CAN log or folder of a segment; several, or a folder of drives, "
-        "are evaluated side by side",
+        help=f"{DRIVE_HELP}; several, or a folder of drives, are evaluated side by side",
     )
     add_drive_options(parser)
     parser.add_argument(

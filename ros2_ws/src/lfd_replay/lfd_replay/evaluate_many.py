@@ -108,7 +108,16 @@ def evaluate_all(
     journal = Journal(kept)
     with counting_progress() as progress, workers(jobs, scheduler) as pool:
         bar = progress.add_task("evaluating", total=len(tasks))
-        results = run_tasks(tasks, journal, pool, lambda: progress.advance(bar))
+        try:
+            results = run_tasks(tasks, journal, pool, lambda: progress.advance(bar))
+        except KeyboardInterrupt:
+            done = sum(task.key in journal.results for task in tasks)
+            print(
+                f"interrupted: {done} of {len(tasks)} drives are done and kept; the same command "
+                "goes on with the others",
+                file=sys.stderr,
+            )
+            raise
     ordered = [results[task.key] for task in tasks]
     if out is not None:
         write_text(out, json.dumps(together(ordered), indent=1, allow_nan=False) + "\n")

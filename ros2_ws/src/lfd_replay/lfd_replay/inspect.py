@@ -13,6 +13,7 @@ from lfd_replay.errors import WrongOption, run_command
 from lfd_replay.inspection import bag_topics, inspect_streams, remarks
 from lfd_replay.paths import refuse_to_overwrite
 from lfd_replay.read_drive import (
+    DRIVE_HELP,
     add_read_options,
     files_read,
     read_as_it_is,
@@ -54,7 +55,7 @@ def _inputs_table(figures: dict, title: str) -> Table:
 def main_inspect(arguments: list[str]) -> int:
     """The command line of `inspect`."""
     parser = argparse.ArgumentParser(prog="inspect", description=__doc__)
-    parser.add_argument("drive", type=Path, help="CSV file, bag, CAN log or folder of a segment")
+    parser.add_argument("drive", type=Path, help=DRIVE_HELP)
     add_read_options(parser)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
     options = parser.parse_args(arguments)

@@ -22,6 +22,9 @@ from lfd_replay.recordings.recorded_messages import Mounting
 
 BAG_SUFFIXES = (".mcap", ".db3", ".bag")
 
+DRIVE_HELP = "CSV file, bag, CAN log or folder of a segment"
+"""What every command on drives takes."""
+
 KINDS = BAG, SEGMENT, CAN_LOG, CSV = "a bag", "a comma2k19 segment", "a CAN log", "a CSV drive"
 """Kinds of recordings, in words."""
 
