@@ -83,7 +83,7 @@ def test_nan_samples_are_accepted_and_warned_of(tmp_path: Path) -> None:
     assert len(drive.warnings) == 2 and all("count as no sample" in w for w in drive.warnings)
 
 
-def test_damaged_rows_are_counted(tmp_path: Path) -> None:
+def test_damaged_rows_are_counted(tmp_path: Path, capsys) -> None:
     """A short row is read as an empty road, and a file may be cut off within its last number."""
     path = csv(tmp_path, ROWS[0], "0.05,29.9,-1", "0.07", ROWS[2])
     short = "2 rows have fewer than the header's 5 cells; those that are missing count as blank"
@@ -91,6 +91,9 @@ def test_damaged_rows_are_counted(tmp_path: Path) -> None:
     path.write_text(path.read_text()[:-1])
     cut = "the file does not end with a line break: its last number may be cut off"
     assert read_drive(path).warnings == (short, cut)
+    # A refusal stays one line.
+    assert run_command(main_import, [str(path), "-o", f"{path}/out.mcap"]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
     drive = join_drive(csv(tmp_path, name="whole.csv"), f"{path}:host_accel_mps2", None)
     assert drive.warnings == (f"{path}: {short}", f"{path}: {cut}")
     for ending in ("\r\n", "\r"):

@@ -118,12 +118,12 @@ def main_replay(arguments: list[str], joined: float) -> int:
     try:
         drive = read_drive(path, read_options(options))
         playing.check(drive)
-        warn(drive, faults)
         samples = samples_to_play(drive, faults, playing)
         if not samples:
             raise UserError(f"{path}: no sample between --start and --start + --duration")
 
         make_folder(options.out)
+        warn(drive, faults)
         console.print(f"replay of {drive.name}: {drive.duration:.1f} s, profile {options.profile}")
         for fault in faults:
             console.print(f"  injected: {fault.text}", markup=False, highlight=False)

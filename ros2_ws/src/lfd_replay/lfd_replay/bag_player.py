@@ -91,10 +91,10 @@ def main_play(arguments: list[str]) -> int:
     faults = parse_faults(options.fault)
     drive = read_drive(options.drive, read_options(options))
     playing.check(drive)
-    warn(drive, faults)
     samples = samples_to_play(drive, faults, playing)
     if not samples:
         raise UserError(f"{options.drive}: no sample between --start and --start + --duration")
+    warn(drive, faults)
     wait_for = options.wait_for
     if wait_for is None:
         wait_for = list(GRAPH_NODES) if playing.rate == 0.0 else []

@@ -194,9 +194,9 @@ def main_calibrate(arguments: list[str]) -> int:
     settings = graph_settings(options.profile)
     reading = read_options(options)
     drives = [read_drive(path, reading) for path in options.drives]
+    settings = with_noise(settings, drives)
     for drive in drives:
         warn(drive, [])
-    settings = with_noise(settings, drives)
     # The thresholds are those of the paper's indices, whichever profile will be used.
     settings, remarks = with_thresholds(
         settings,

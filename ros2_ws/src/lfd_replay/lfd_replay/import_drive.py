@@ -82,8 +82,8 @@ def main_import(arguments: list[str]) -> int:
     further = (_file_and_column(text)[0] for text in (options.accel, options.speed) if text)
     refuse_to_overwrite(options.out, files_read(options, options.recording, *further))
     drive = join_drive(options.recording, options.accel, options.speed, read_options(options))
-    warn(drive, [])
     write_drive(drive, options.out)
+    warn(drive, [])
     counts = ", ".join(f"{drive.count(name)} {name}" for name in INPUTS if drive.count(name))
     print(f"{options.out}: {drive.duration:.1f} s, {counts} samples")
     return 0
