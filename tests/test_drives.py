@@ -1,9 +1,13 @@
 """Drives in and out, generated ones, and every mistake a user can make with them."""
 
 import math
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from esr_frames import candump, scan_frames
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -18,19 +22,23 @@ from lfd_mpc.samples import (
     RadarSample,
     ScalarSample,
 )
+from lfd_replay.calibrate import main_calibrate
+from lfd_replay.command_line import print_table, result_table
 from lfd_replay.drive import make_drive, playing_times
 from lfd_replay.drive_bag import sample_message, typestore, write_drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
-from lfd_replay.import_drive import main_import
+from lfd_replay.evaluate_many import drives_of
+from lfd_replay.import_drive import join_drive, main_import
 from lfd_replay.inspect import main_inspect
 from lfd_replay.make_drive import main_make
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import NODES, graph_settings, profile_file_text
-from lfd_replay.read_drive import ReadOptions, read_drive
+from lfd_replay.read_drive import ReadOptions, read_drive, read_streams
 
 HEADER = "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2"
 ROWS = ["0.00,30.0,-1.0,15.0,0.1", "0.05,29.9,-1.0,15.0,0.1", "0.10,29.8,-1.0,15.0,0.1"]
+HOST_DBC = ["--host-dbc", "car.dbc", "--speed-signal", "SPEED"]
 PARAMS = Path(__file__).parent.parent / "ros2_ws/src/lfd_bringup/params"
 
 
@@ -75,6 +83,34 @@ def test_nan_samples_are_accepted_and_warned_of(tmp_path: Path) -> None:
     assert len(drive.warnings) == 2 and all("count as no sample" in w for w in drive.warnings)
 
 
+def test_damaged_rows_are_counted(tmp_path: Path, capsys) -> None:
+    """A short row is read as an empty road, and a file may be cut off within its last number."""
+    path = csv(tmp_path, ROWS[0], "0.05,29.9,-1", "0.07", ROWS[2])
+    short = "2 rows have fewer than the header's 5 cells; those that are missing count as blank"
+    assert read_drive(path).warnings == (short,)
+    path.write_text(path.read_text()[:-1])
+    cut = "the file does not end with a line break: its last number may be cut off"
+    assert read_drive(path).warnings == (short, cut)
+    # A refusal stays one line.
+    assert run_command(main_import, [str(path), "-o", f"{path}/out.mcap"]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    drive = join_drive(csv(tmp_path, name="whole.csv"), f"{path}:host_accel_mps2", None)
+    assert drive.warnings == (f"{path}: {short}", f"{path}: {cut}")
+    for ending in ("\r\n", "\r"):
+        path.write_bytes(ending.join([HEADER, *ROWS, ""]).encode())
+        assert read_drive(path).warnings == ()
+
+
+def test_all_tracks_of_a_radar_are_no_drive(tmp_path: Path) -> None:
+    twice = [row for row in ROWS for _ in range(2)]
+    assert "3 radar stamps are repeated" in read_drive(csv(tmp_path, *twice)).warnings
+    several = csv(tmp_path, *twice, ROWS[2])
+    with pytest.raises(UserError, match="4 of 7 rows have the time .* one row per scan, that of"):
+        read_drive(several)
+    with pytest.raises(UserError, match="one row per scan"):
+        join_drive(several, f"{several}:host_accel_mps2", None)
+
+
 def write_bag2(path: Path, samples, plugin: StoragePlugin) -> None:
     store = typestore()
     with Writer(path, version=9, storage_plugin=plugin) as writer:
@@ -100,13 +136,39 @@ def test_a_written_drive_is_one_file_that_gives_back_every_sample(tmp_path: Path
     assert [p.name for p in (tmp_path / "new").iterdir()] == ["out.mcap"]
 
 
+def test_the_case_of_a_suffix_does_not_matter(tmp_path: Path, capsys) -> None:
+    """Cameras, loggers and FAT file systems write UP.CSV."""
+    drive = read_drive(csv(tmp_path, name="UP.CSV"))
+    write_drive(drive, tmp_path / "low.mcap")
+    (tmp_path / "low.mcap").rename(tmp_path / "UP.MCAP")
+    write_bag2(tmp_path / "bag", drive.samples, StoragePlugin.SQLITE3)
+    (tmp_path / "bag/bag.db3").rename(tmp_path / "Up.Db3")
+    shutil.rmtree(tmp_path / "bag")
+    (tmp_path / "UP.LOG").write_text(candump(scan_frames(0.0, 0, {})))
+    assert sorted(p.name for p in drives_of([tmp_path])) == [
+        "UP.CSV",
+        "UP.LOG",
+        "UP.MCAP",
+        "Up.Db3",
+    ]
+    for name in ("UP.MCAP", "Up.Db3"):
+        assert read_drive(tmp_path / name).samples == drive.samples
+        assert run_command(main_inspect, [str(tmp_path / name)]) == 0
+        assert "/radar/target" in capsys.readouterr().out
+    assert len(read_streams(tmp_path / "UP.LOG")[0][RADAR]) == 1
+    with pytest.raises(UserError, match=r"there are: UP.CSV, UP.LOG, UP.MCAP, Up.Db3"):
+        read_drive(tmp_path / "up.csv")
+
+
 def test_a_ros_1_bag_without_the_topics_says_what_it_has(tmp_path: Path) -> None:
     store = get_typestore(Stores.ROS1_NOETIC)
     message = store.types["std_msgs/msg/String"](data="x")
     with Writer1(tmp_path / "old.bag") as writer:
         connection = writer.add_connection("/words", "std_msgs/msg/String", typestore=store)
         writer.write(connection, 1, store.serialize_ros1(message, "std_msgs/msg/String"))
-    with pytest.raises(UserError, match=r"RadarTarget.*/words"):
+    with pytest.raises(
+        UserError, match=r"RadarTarget or .*EsrTrack or .*msgs/msg/Frame for.*/words"
+    ):
         read_drive(tmp_path / "old.bag")
 
 
@@ -250,6 +312,70 @@ def test_a_drive_in_other_units_of_time_is_refused_by_all_that_read_it(tmp_path,
 def test_a_track_that_is_not_finite_is_unknown(tmp_path: Path) -> None:
     path = csv(tmp_path, "0,30,-1,15,0.1,nan", "1,30,-1,15,0.1,", header=HEADER + ",track_id")
     assert {s.track_id for s in read_drive(path).samples if s.input == RADAR} == {UNKNOWN_TRACK}
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments"),
+    [
+        (main_evaluate, ["good.csv", "--json", "good.csv"]),
+        (main_evaluate, ["good.csv", "--json", "link.csv"]),
+        (main_evaluate, ["good.csv", "--params", "p.yaml", "--json", "p.yaml"]),
+        (main_evaluate, ["good.csv", "good.mcap", "--json", "good.mcap"]),
+        (main_evaluate, ["bag", "--json", "bag/metadata.yaml"]),
+        (main_evaluate, ["bag", "--report", "bag"]),
+        (main_evaluate, [".", "--json", "bag/bag.mcap"]),
+        (main_inspect, ["good.csv", "--json", "good.csv"]),
+        (main_import, ["good.mcap", "-o", "good.mcap"]),
+        (main_import, ["good.csv", "--accel", "a.mcap:x", "-o", "a.mcap"]),
+        (main_calibrate, ["good.csv", "good.mcap", "-o", "good.mcap"]),
+        (main_calibrate, ["good.csv", *HOST_DBC, "-o", "car.dbc"]),
+    ],
+)
+def test_what_is_read_is_never_written_over(
+    command, arguments, tmp_path, monkeypatch, capsys
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    drive = read_drive(csv(tmp_path, name="good.csv"))
+    write_drive(drive, tmp_path / "good.mcap")
+    write_bag2(tmp_path / "bag", drive.samples, StoragePlugin.MCAP)
+    (tmp_path / "link.csv").symlink_to("good.csv")
+    for name in ("p.yaml", "a.mcap", "car.dbc"):
+        (tmp_path / name).write_text("/**/mpc_node: {ros__parameters: {preview_time: 1.25}}")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert run_command(command, arguments) == 2
+    errors = capsys.readouterr().err
+    assert errors.count("\n") == 1 and "would be written over" in errors
+    after = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert after == before and (tmp_path / "link.csv").is_symlink()
+
+
+def test_results_may_lie_among_the_drives_of_a_folder(tmp_path: Path, capsys) -> None:
+    csv(tmp_path, name="good.csv")
+    for _ in range(2):
+        assert main_evaluate([str(tmp_path), "--jobs", "1", "--json", f"{tmp_path}/all.json"]) == 0
+    capsys.readouterr()
+
+
+def test_the_title_of_a_table_is_one_line_however_narrow_the_table(capsys) -> None:
+    title = f"/a/long/[path]/{'x' * 150}.csv: 10.0 s"
+    print_table(result_table({}, title))
+    assert capsys.readouterr().out.splitlines()[0] == title
+
+
+PRINTS = """
+from lfd_replay.errors import run_command
+exit(run_command(lambda _: print("a line" * {times}) or 0))
+"""
+
+
+@pytest.mark.parametrize("times", [1, 100_000])
+def test_a_full_disk_under_what_is_printed_is_one_line(times: int) -> None:
+    """Told by the line itself, or where it is short when all is printed."""
+    program = [sys.executable, "-c", PRINTS.format(times=times)]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(program, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert "the output cannot be written (No space left on device)" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from lfd_diagnosis.verdict import State
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RadarSample, ScalarSample
 from lfd_replay.faults import FaultInjector, parse_faults, truth_windows
-from lfd_replay.score import SIGNALS, Timeline, score_sensor
+from lfd_replay.score import SIGNALS, Timeline, score, score_sensor, shown, summary_rows
 
 ZERO = 5_000_000_000
 
@@ -129,3 +129,19 @@ def test_a_flag_within_a_second_of_the_end_is_no_false_event(start: float, false
     figures = score_sensor(flags((start, start + 0.5)), "clearance", [(2.0, 4.0)])
     assert figures["false_events"] == false
     assert figures["false_s"] == pytest.approx(0.5 * false)
+
+
+def test_a_silence_and_a_fault_of_host_speed_show_in_the_table_alone() -> None:
+    stamps = np.arange(0, 10_000_000_000, 10_000_000)
+    silent = np.where((stamps >= 2_100_000_000) & (stamps < 4_000_000_000), State.NO_DATA, State.OK)
+    wrong = np.where((stamps >= 6_300_000_000) & (stamps < 8_000_000_000), State.FAULT, State.OK)
+    states = {name: np.full(len(stamps), State.OK) for name in SIGNALS}
+    line = Timeline(stamps, {**states, "acceleration": silent, "host_speed": wrong})
+    faults = parse_faults(["dropout:acceleration@2-4", "offset:host_speed=5@6-8"])
+    rows = {row[0]: row for row in summary_rows(shown(line, faults))}
+    assert rows["acceleration"][2] == "0 of 1, NO_DATA in 1 after 0.10 s"
+    assert rows["host_speed"][1:4] == ("6-8 s", "1 of 1", "300 ms")
+    assert rows["clearance"][2] == "-"
+    figures = score(line, faults)
+    assert set(figures) == set(SIGNALS) and "no_data_s" not in figures["acceleration"]
+    assert set(shown(line, faults[:1])) == set(SIGNALS), "not injected, not shown"

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from lfd_mpc.samples import HOST_SPEED
-from lfd_replay.drive_bag import write_drive
+from lfd_replay.drive_bag import write_bag, write_drive
 from lfd_replay.evaluate import main_evaluate
-from lfd_replay.evaluate_many import attempt, journal_file, say_failures
+from lfd_replay.evaluate_many import attempt, drive_key, journal_file, say_failures
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.generated.generate import generate_drive
 from lfd_replay.offline import CHUNK, OfflineGraph
@@ -147,7 +147,7 @@ def check_together(file: Path) -> None:
     assert result["failed"] == 1 and "is empty" in result["drives"][3]["error"]
     assert result["sensors"]["clearance"] == {"windows": 3, "found": 3, "false_events": 0}
     assert result["hours"] == pytest.approx(
-        sum(d["duration_s"] for d in result["drives"][:3]) / 3600, abs=1e-6
+        sum(d["steps"] for d in result["drives"][:3]) * 0.01 / 3600, abs=1e-6
     )
 
 
@@ -158,6 +158,32 @@ def test_a_bad_drive_is_named_and_does_not_stop_the_rest(folder, tmp_path, capfd
     printed = capfd.readouterr()
     assert "3 of 3, 0" in printed.out and "bad.csv: is empty" in printed.err
     assert not journal_file(out, []).exists(), "nothing is left behind"
+
+
+ROW = "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2\n"
+
+
+def test_a_drive_that_was_not_judged_is_no_healthy_hour(tmp_path: Path, capfd) -> None:
+    many, out = tmp_path / "many", tmp_path / "all.json"
+    many.mkdir()
+    for name, unit in (("micro", 50_000), ("seconds", 0.05)):
+        rows = "".join(f"{k * unit:.2f},30,0,15,0\n" for k in range(200))
+        (many / f"{name}.csv").write_text(ROW + rows)
+    arguments = ["--jobs", "1", "--json", str(out), "--fault", "zero:clearance@20-21"]
+    assert main_evaluate([str(many), *arguments]) == 0
+    result = json.loads(out.read_text())
+    steps = [drive["steps"] for drive in result["drives"]]
+    assert steps == [200, 996] and result["hours"] == pytest.approx(sum(steps) / 360_000, abs=1e-6)
+    printed, said = capfd.readouterr()
+    assert [row.split()[5] for row in printed.splitlines() if ".csv" in row] == ["0.0%", "95.6%"]
+    never = (
+        "micro.csv: never ready: clearance, relative_velocity, radar, acceleration "
+        "(radar comes every 50000.00 s"
+    )
+    assert never in said and "seconds.csv: fault 'zero:clearance@20-21' starts after" in said
+    assert said.count("seconds.csv") == 1, "nothing else is wrong with it"
+    assert main_evaluate([str(many / "micro.csv")]) == 0
+    assert never in capfd.readouterr().err
 
 
 def test_an_unexpected_failure_is_shown_and_does_not_stop_the_rest(capsys) -> None:
@@ -179,6 +205,8 @@ def test_an_interrupted_run_goes_on_where_it_stopped(folder, tmp_path) -> None:
     running = subprocess.Popen(
         [*EVALUATE, str(many), "--jobs", "1", "--json", str(out)],
         stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
         # Tests that run in the background of a shell are deaf to it, and so would this be.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
@@ -190,6 +218,8 @@ def test_an_interrupted_run_goes_on_where_it_stopped(folder, tmp_path) -> None:
     assert running.wait(timeout=60.0) == 130 and not out.exists()
     done = {json.loads(line)["key"] for line in kept.read_text().splitlines()[1:] if line}
     assert 0 < len(done) < 24
+    said = f"interrupted: {len(done)} of 24 drives are done and kept; the same command goes on"
+    assert said in running.stderr.read()
     # What is kept is not evaluated again: it is taken as it stands in the journal.
     text = kept.read_text()
     kept.write_text(text.replace('"duration_s"', '"from_journal": true, "duration_s"'))
@@ -197,6 +227,31 @@ def test_an_interrupted_run_goes_on_where_it_stopped(folder, tmp_path) -> None:
     drives = json.loads(out.read_text())["drives"]
     assert sum(d.get("from_journal", False) for d in drives) == len(done)
     assert len(drives) == 24
+
+
+def test_what_has_changed_is_evaluated_again(tmp_path: Path) -> None:
+    """The time of a bag's folder stays when a file in it is damaged, and so does a DBC's name."""
+    bag, dbc = tmp_path / "bag", tmp_path / "car.dbc"
+    write_bag([], bag)
+    dbc.write_text("one")
+    file = bag / "bag.mcap"
+    folder, whole = bag.stat(), file.stat()
+
+    def key() -> str:
+        return drive_key(bag, "question", [dbc])
+
+    seen = {key()}
+    assert key() in seen
+    file.write_bytes(file.read_bytes()[:-9])
+    assert bag.stat().st_mtime_ns == folder.st_mtime_ns
+    os.utime(file, ns=(whole.st_atime_ns, whole.st_mtime_ns))
+    assert key() not in seen, "another size"
+    seen.add(key())
+    os.utime(file, ns=(whole.st_atime_ns, whole.st_mtime_ns + 1))
+    assert key() not in seen, "another time"
+    seen.add(key())
+    dbc.write_text("two")
+    assert key() not in seen, "another DBC"
 
 
 def test_a_folder_without_drives_and_a_wrong_scheduler_are_refused(tmp_path, folder, capfd) -> None:

@@ -2,6 +2,7 @@
 
 import runpy
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -18,9 +19,11 @@ from lfd_mpc.node_process import joined
 from lfd_mpc.sampling import Sampler
 from lfd_mpc.settings import MpcSettings
 from lfd_replay.drive import Drive
-from lfd_replay.drive_bag import write_drive
+from lfd_replay.drive_bag import replace_folder, sample_message, write_bag, write_drive
+from lfd_replay.errors import run_command
 from lfd_replay.lockstep import LockstepError, horizon_difference
 from lfd_replay.player import GRAPH_NODES, PlayerNode, PlayOptions, samples_to_play
+from lfd_replay.read_drive import DRIVE_HELP
 from ros_support import REPLAY_ARGUMENTS, Graph, next_domain
 
 pytestmark = pytest.mark.alone
@@ -171,6 +174,53 @@ def test_a_step_that_fails_loses_nothing_of_a_replay(monkeypatch, tmp_path: Path
         arguments = ["--drive", str(tmp_path / "short.mcap"), "--out", str(out)]
         assert main_replay(arguments, since) == 1
     assert {path.name for path in out.iterdir()} == {"bag", "report.html", "summary.json"}
+    with joined([]) as since:
+        assert main_replay(arguments, since) == 1, "its own bag is replaced"
+
+
+def test_help_names_every_kind_of_drive(capsys) -> None:
+    with pytest.raises(SystemExit):
+        main_replay(["--help"], 0.0)
+    assert DRIVE_HELP in " ".join(capsys.readouterr().out.split())
+
+
+def somebodys_bag(bag: Path) -> None:
+    write_bag([(s.stamp, *sample_message(s)) for s in drive(1.0)], bag)
+
+
+def a_bag_with_notes(bag: Path) -> None:
+    write_bag([], bag)
+    (bag / "notes.txt").touch()
+
+
+def contents(folder: Path) -> dict[Path, bytes | None]:
+    return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
+
+
+@pytest.mark.parametrize("kept", [somebodys_bag, a_bag_with_notes, Path.touch])
+def test_a_replay_removes_no_bag_but_its_own(
+    kept: Callable[[Path], None], tmp_path: Path, capsys
+) -> None:
+    write_drive(make_drive(), tmp_path / "short.mcap")
+    kept(tmp_path / "bag")
+    before = contents(tmp_path)
+    arguments = ["--drive", str(tmp_path / "short.mcap"), "--out", str(tmp_path)]
+    assert run_command(lambda own: main_replay(own, 0.0), arguments) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "bag: cannot be written" in said
+    with pytest.raises(UserError, match="bag: cannot be written"):
+        replace_folder(tmp_path / "short.mcap", tmp_path / "bag")
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("name", ["bag", "bag/bag.mcap"])
+def test_a_replay_does_not_replace_what_it_reads(name: str, tmp_path: Path, capsys) -> None:
+    write_bag([], tmp_path / "bag")
+    before = contents(tmp_path)
+    arguments = ["--drive", str(tmp_path / name), "--out", str(tmp_path)]
+    assert run_command(lambda own: main_replay(own, 0.0), arguments) == 2
+    assert "would be written over" in capsys.readouterr().err
+    assert contents(tmp_path) == before
 
 
 def test_nodes_that_do_not_come_are_named(monkeypatch) -> None:

@@ -688,6 +688,17 @@ def test_inspect_takes_what_the_graph_cannot_run_on(tmp_path: Path, capsys) -> N
     found = inspected(car.write(tmp_path / "bag", host_rows(car)), tmp_path)
     assert not found["runs"] and "no topic of type lfd_msgs/msg/RadarTarget" in found["missing"][0]
     assert len(found["topics"]) == 2
+    # What it lacks hides nothing of what it has.
+    assert found["inputs"][ACCELERATION]["rate_hz"] == pytest.approx(100.0)
+    assert found["inputs"][HOST_SPEED]["samples"] == 200 and not found["inputs"][RADAR]["samples"]
+    twice = [("/imu/other", car.imu(t, 0.5)) for t in times(100.0)]
+    found = inspected(car.write(tmp_path / "two", esr_rows(car) + host_rows(car) + twice), tmp_path)
+    assert "more than one topic of type sensor_msgs/msg/Imu" in found["missing"][0]
+    assert found["inputs"][RADAR]["rate_hz"] == pytest.approx(20.0)
+    assert not found["inputs"][ACCELERATION]["samples"]
+    neither = [("/esr/status4", car.esr_status_4(t, 1)) for t in times(20.0)]
+    found = inspected(car.write(tmp_path / "neither", neither), tmp_path)
+    assert not found["runs"] and not any(own["samples"] for own in found["inputs"].values())
     csv = tmp_path / "odd.csv"
     rows = [f"{k * 0.05:.2f},{30 if k % 2 else ''},-1,15," for k in range(40)]
     rows[20:20] = [rows[19], rows[19]]
@@ -711,6 +722,25 @@ def test_inspect_takes_a_csv_that_is_no_drive(data: Path, tmp_path: Path) -> Non
     for name in (RADAR, ACCELERATION, HOST_SPEED):
         assert found["inputs"][name]["backward_stamps"] == 1
     assert any("backward stamps" in remark for remark in found["remarks"])
+
+
+def test_messages_without_a_stamp_are_counted(tmp_path: Path) -> None:
+    car = Car("mcap")
+    rows = host_rows(car) + esr_rows(car)
+    bag = tmp_path / "bag"
+    with Writer2(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections = {}
+        for topic, message in sorted(rows, key=lambda row: stamp_of(row[1])):
+            kind, received = message.__msgtype__, stamp_of(message)
+            if topic == "/imu/data":
+                message.header.stamp.sec = message.header.stamp.nanosec = 0
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=car.store)
+            writer.write(connections[topic], received, car.store.serialize_cdr(message, kind))
+    found = inspected(bag, tmp_path)
+    said = "400 messages without a stamp count as stamped when they were received"
+    assert found["runs"] and found["remarks"] == [said]
+    assert said in read_drive(bag).warnings
 
 
 def test_inspect_tells_gaps_and_clock_steps(tmp_path: Path) -> None:

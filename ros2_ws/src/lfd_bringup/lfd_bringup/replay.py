@@ -23,15 +23,18 @@ from lfd_observer.observer_node import ObserverNode
 from lfd_replay.bag_player import add_play_options, play, play_options
 from lfd_replay.command_line import add_drive_options, print_table, result_table, warn
 from lfd_replay.drive import Drive
-from lfd_replay.drive_bag import replace_folder, write_drive
+from lfd_replay.drive_bag import refuse_others_bag, replace_folder, write_drive
 from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.lockstep import LockstepError
-from lfd_replay.paths import make_folder, share_folder
+from lfd_replay.paths import make_folder, refuse_to_overwrite, share_folder
 from lfd_replay.player import GRAPH_NODES, PlayerNode, samples_to_play
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES
-from lfd_replay.read_drive import read_drive, read_options
-from lfd_replay.score import score, timeline
+from lfd_replay.read_drive import DRIVE_HELP, files_read, read_drive, read_options
+from lfd_replay.score import score, shown, timeline
 from lfd_replay.text_file import write_text
+
+LEFT = ("bag", "summary.json", "report.html")
+"""What a replay leaves in its folder."""
 
 DEFAULT_DRIVE = "data-1"
 DEFAULT_FAULT = "offset:clearance=4,relative_velocity=-10@20-30;offset:acceleration=4@50-60"
@@ -86,7 +89,7 @@ def default_drive(out: Path) -> Path:
 def main_replay(arguments: list[str], joined: float) -> int:
     """The command line of `replay`; `joined`: `time.monotonic()` at which ROS was joined."""
     parser = argparse.ArgumentParser(prog="replay", description=__doc__)
-    parser.add_argument("--drive", default="", help="CSV file or bag (default: a generated drive)")
+    parser.add_argument("--drive", default="", help=f"{DRIVE_HELP} (default: a generated drive)")
     add_play_options(parser)
     add_drive_options(parser)
     parser.add_argument(
@@ -100,6 +103,10 @@ def main_replay(arguments: list[str], joined: float) -> int:
     if options.profile not in PROFILES:
         raise UserError(f"--profile {options.profile}: unknown; there are: {', '.join(PROFILES)}")
     fault_texts = options.fault
+    refuse_others_bag(options.out / "bag")
+    if options.drive:
+        for name in LEFT:
+            refuse_to_overwrite(options.out / name, files_read(options, Path(options.drive)))
     path = Path(options.drive) if options.drive else default_drive(options.out)
     if not options.drive and not any(text.strip() for text in fault_texts):
         fault_texts = [DEFAULT_FAULT]
@@ -111,12 +118,12 @@ def main_replay(arguments: list[str], joined: float) -> int:
     try:
         drive = read_drive(path, read_options(options))
         playing.check(drive)
-        warn(drive, faults)
         samples = samples_to_play(drive, faults, playing)
         if not samples:
             raise UserError(f"{path}: no sample between --start and --start + --duration")
 
         make_folder(options.out)
+        warn(drive, faults)
         console.print(f"replay of {drive.name}: {drive.duration:.1f} s, profile {options.profile}")
         for fault in faults:
             console.print(f"  injected: {fault.text}", markup=False, highlight=False)
@@ -193,8 +200,9 @@ def _leave(
 
     write_bag(recorder, out / "bag")
     steps = recorder.steps()
-    sensors = score(timeline((step.report for step in steps), drive.zero), faults)
-    write_text(out / "summary.json", json.dumps(sensors, indent=1) + "\n")
+    line = timeline((step.report for step in steps), drive.zero)
+    write_text(out / "summary.json", json.dumps(score(line, faults), indent=1) + "\n")
+    sensors = shown(line, faults)
     report = write_report(out, drive.name, steps, drive.zero, faults, sensors)
     print_table(result_table(sensors, f"{len(steps)} steps"))
     console.print(f"bag: {out / 'bag'}   report: {report}", highlight=False)

@@ -21,7 +21,7 @@ from lfd_replay.player import (
     PlayOptions,
     samples_to_play,
 )
-from lfd_replay.read_drive import read_drive, read_options
+from lfd_replay.read_drive import DRIVE_HELP, read_drive, read_options
 
 
 def add_play_options(parser: argparse.ArgumentParser) -> None:
@@ -75,7 +75,7 @@ def play(player: PlayerNode, executor: Executor, console: Console) -> float:
 def main_play(arguments: list[str]) -> int:
     """The command line of `bag_player`."""
     parser = argparse.ArgumentParser(prog="bag_player", description=__doc__)
-    parser.add_argument("drive", type=Path, help="CSV file, bag, CAN log or folder of a segment")
+    parser.add_argument("drive", type=Path, help=DRIVE_HELP)
     add_play_options(parser)
     parser.add_argument("--loop", action="store_true", help="begin again at the end")
     parser.add_argument(
@@ -91,10 +91,10 @@ def main_play(arguments: list[str]) -> int:
     faults = parse_faults(options.fault)
     drive = read_drive(options.drive, read_options(options))
     playing.check(drive)
-    warn(drive, faults)
     samples = samples_to_play(drive, faults, playing)
     if not samples:
         raise UserError(f"{options.drive}: no sample between --start and --start + --duration")
+    warn(drive, faults)
     wait_for = options.wait_for
     if wait_for is None:
         wait_for = list(GRAPH_NODES) if playing.rate == 0.0 else []

@@ -26,6 +26,7 @@ from lfd_replay.evaluation.normal_driving import (
 )
 from lfd_replay.evaluation.trace import JUDGED, Trace, record_trace
 from lfd_replay.offline import OfflineGraph
+from lfd_replay.paths import refuse_to_overwrite
 from lfd_replay.profiles import (
     DEFAULT_PROFILE,
     PROFILES,
@@ -33,7 +34,13 @@ from lfd_replay.profiles import (
     graph_settings,
     parameter_file_text,
 )
-from lfd_replay.read_drive import add_read_options, read_drive, read_options
+from lfd_replay.read_drive import (
+    DRIVE_HELP,
+    add_read_options,
+    files_read,
+    read_drive,
+    read_options,
+)
 from lfd_replay.score import intervals
 from lfd_replay.text_file import write_text
 
@@ -164,7 +171,7 @@ def of_paper(settings: GraphSettings) -> GraphSettings:
 def main_calibrate(arguments: list[str]) -> int:
     """The command line of `calibrate`."""
     parser = argparse.ArgumentParser(prog="calibrate", description=__doc__)
-    parser.add_argument("drives", type=Path, nargs="+", metavar="DRIVE", help="CSV file or bag")
+    parser.add_argument("drives", type=Path, nargs="+", metavar="DRIVE", help=DRIVE_HELP)
     add_read_options(parser)
     parser.add_argument(
         "--profile",
@@ -183,12 +190,13 @@ def main_calibrate(arguments: list[str]) -> int:
 
     if not options.false_events >= 0.0:
         raise UserError(f"--false-events {options.false_events}: 0 or more per hour is expected")
+    refuse_to_overwrite(options.out, files_read(options, *options.drives))
     settings = graph_settings(options.profile)
     reading = read_options(options)
     drives = [read_drive(path, reading) for path in options.drives]
+    settings = with_noise(settings, drives)
     for drive in drives:
         warn(drive, [])
-    settings = with_noise(settings, drives)
     # The thresholds are those of the paper's indices, whichever profile will be used.
     settings, remarks = with_thresholds(
         settings,

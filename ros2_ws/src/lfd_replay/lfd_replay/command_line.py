@@ -3,6 +3,7 @@
 import argparse
 import os
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 from rich.console import Console
@@ -63,17 +64,24 @@ def counting_progress() -> Progress:
     return Progress(*columns, console=console, disable=not console.is_terminal)
 
 
+def late_faults(drive: Drive, faults: list[Fault]) -> list[str]:
+    """Faults that a drive is too short for, in words."""
+    return [
+        f"fault '{fault.text}' starts after the end of the drive ({drive.duration:.1f} s)"
+        for fault in faults
+        if fault.start * 1e-9 > drive.duration
+    ]
+
+
 def warn(drive: Drive, faults: list[Fault]) -> None:
     """Say on stderr what was accepted although it looks odd."""
-    for warning in drive.warnings:
-        print(f"warning: {drive.name}: {warning}", file=sys.stderr)
-    for fault in faults:
-        if fault.start * 1e-9 > drive.duration:
-            print(
-                f"warning: fault '{fault.text}' starts after the end of the drive "
-                f"({drive.duration:.1f} s)",
-                file=sys.stderr,
-            )
+    say_warnings(drive.name, [*drive.warnings, *late_faults(drive, faults)])
+
+
+def say_warnings(name: str, warnings: Iterable[str]) -> None:
+    """Say on stderr what there is to be said of one drive."""
+    for warning in warnings:
+        print(f"warning: {name}: {warning}", file=sys.stderr)
 
 
 def result_table(sensors: dict[str, dict], title: str) -> Table:
@@ -85,6 +93,12 @@ def result_table(sensors: dict[str, dict], title: str) -> Table:
 
 
 def print_table(table: Table) -> None:
-    """Print a table; where nobody knows how wide the output is, wide enough for all of it."""
+    """Print a table; where nobody knows how wide the output is, wide enough for all of it.
+
+    Its title is a line of its own, which a narrow table does not break.
+    """
     console = Console()
+    if table.title:
+        console.print(table.title, markup=False, highlight=False, soft_wrap=True)
+        table.title = None
     Console(width=None if console.is_terminal else 120).print(table)

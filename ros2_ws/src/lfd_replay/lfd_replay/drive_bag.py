@@ -1,6 +1,6 @@
 """Drives as bags: rosbag2 (MCAP or sqlite3) and ROS 1."""
 
-import errno
+import os
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -19,7 +19,7 @@ from rosbags.typesys.store import Typestore
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, LEAD_ACCELERATION, RADAR, RadarSample, Sample
 from lfd_replay.drive import Drive
-from lfd_replay.errors import WrongOption
+from lfd_replay.errors import DISK_FULL, WrongOption
 from lfd_replay.paths import share_folder
 from lfd_replay.recordings.can_log import HostSignals
 from lfd_replay.recordings.message_definitions import DEFINITIONS
@@ -33,8 +33,7 @@ from lfd_replay.recordings.recorded_messages import (
     Mounting,
 )
 
-DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""What the system says where no more can be written."""
+HORIZON_TYPE = "lfd_msgs/msg/PredictionHorizon"
 
 TOPICS = {
     RADAR: ("/radar/target", "lfd_msgs/msg/RadarTarget"),
@@ -84,10 +83,25 @@ class Topics:
 
 
 @contextmanager
+def _with_known_name(path: Path) -> Iterator[Path]:
+    """The path of a bag under which rosbags knows its kind: it heeds the suffix's case."""
+    if path.suffix == path.suffix.lower() or path.is_dir():
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="lfd-") as folder:
+        known = Path(folder) / f"bag{path.suffix.lower()}"
+        known.symlink_to(path.resolve())
+        yield known
+
+
+@contextmanager
 def open_bag(path: Path) -> Iterator[AnyReader]:
     """A bag to read. Raises UserError for one that cannot be read, then or while it is read."""
     try:
-        with AnyReader([path], default_typestore=_TypesIfNeeded()) as reader:
+        with (
+            _with_known_name(path) as known,
+            AnyReader([known], default_typestore=_TypesIfNeeded()) as reader,
+        ):
             yield reader
     except UserError:
         raise
@@ -104,33 +118,48 @@ def read_bag_streams(
     topics: Topics | None = None,
     mounting: Mounting | None = None,
     host: HostSignals | None = None,
+    lacking: bool = False,
 ) -> tuple[dict[str, list[Sample]], list[str]]:
     """The streams of a bag, each in the order of its recording, and what is to be said of it.
 
-    Raises UserError for a bag that cannot be read or lacks a topic.
+    Raises UserError for a bag that cannot be read, and unless it may be `lacking` for one without
+    a topic for an input, or with more than one.
     """
     converter = MessageConverter(mounting, host)
     streams: dict[str, list[Sample]] = {name: [] for name in TOPICS}
     with open_bag(path) as reader:
         wanted = vars(topics or Topics())
         on_can = () if host is None else host.inputs
-        chosen = [
-            connection
-            for name in TOPICS
-            if name not in on_can
-            for connection in _choose(path, reader, name, wanted[name])
-        ]
+        chosen = []
+        for name in TOPICS:
+            if name not in on_can:
+                with _passed_over(lacking):
+                    chosen += _choose(path, reader, name, wanted[name])
         # Last, so that frames that hold the radar as well are known for it.
         kinds = {c.id: HOST_FRAME for c in _host_frames(path, reader, on_can)}
         kinds |= {c.id: c.msgtype for c in chosen}
         connections = [c for c in reader.connections if c.id in kinds]
-        for connection, received, raw in reader.messages(connections=connections):
+        # No connections at all would stand for all that there are.
+        messages = reader.messages(connections=connections) if connections else ()
+        for connection, received, raw in messages:
             message = reader.deserialize(raw, connection.msgtype)
             for sample in converter.push(kinds[connection.id], message, received):
                 streams[sample.input].append(sample)
     for sample in converter.flush():
         streams[sample.input].append(sample)
     return streams, [f"{count} {what}" for what, count in converter.counts.items() if count]
+
+
+@contextmanager
+def _passed_over(lacking: bool) -> Iterator[None]:
+    """An input that a bag lacks raises UserError unless it may be `lacking`."""
+    try:
+        yield
+    except WrongOption:
+        raise
+    except UserError:
+        if not lacking:
+            raise
 
 
 def _there(reader: AnyReader) -> str:
@@ -182,7 +211,8 @@ def _choose(path: Path, reader: AnyReader, name: str, topic: str | None) -> list
     if name in (HOST_SPEED, LEAD_ACCELERATION):
         return []
     raise UserError(
-        f"{path}: no topic of type {TYPES[name][0]} for {TOPICS[name][0]}; there are: {there}"
+        f"{path}: no topic of type {' or '.join(TYPES[name])} for {TOPICS[name][0]}; "
+        f"there are: {there}"
     )
 
 
@@ -288,8 +318,34 @@ def write_what_fits(rows: list[tuple[int, str, str, Any]], folder: Path) -> int:
             return count
 
 
+def refuse_others_bag(folder: Path) -> None:
+    """Raises UserError where a folder is there that is no bag which a run has left.
+
+    Such a bag holds what no other does: the name that `write_bag` gives, and each step's horizon.
+    """
+    if not os.path.lexists(folder):
+        return
+    try:
+        names = {entry.name for entry in folder.iterdir()}
+        ours = not names
+        if names == {"metadata.yaml", f"{folder.name}.mcap"}:
+            text = (folder / "metadata.yaml").read_text(errors="replace")
+            ours = HORIZON_TYPE in text or "\n  message_count: 0\n" in text
+    except OSError as error:
+        raise UserError(f"{folder}: cannot be written ({error.strerror})") from error
+    if not ours:
+        raise UserError(
+            f"{folder}: cannot be written: it is no bag that a run has left, and stays as it is; "
+            "another --out is expected"
+        )
+
+
 def replace_folder(new: Path, old: Path) -> None:
-    """Put a finished folder in the place of an older one."""
+    """Put a finished bag in the place of an older one, which goes beside the new one's place.
+
+    Raises UserError where the older one is somebody else's.
+    """
+    refuse_others_bag(old)
     if old.exists():
-        shutil.rmtree(old)
+        old.replace(new.with_name("older"))
     new.replace(old)

@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Iterator
+from itertools import pairwise
 from math import isfinite, nan
 from pathlib import Path
 
@@ -25,6 +26,9 @@ COLUMNS = ("t_s", "range_m", "range_rate_mps", "host_speed_mps", "host_accel_mps
 RANGE, RANGE_RATE, SPEED, ACCEL = COLUMNS[1:]
 TRACK, LEAD_ACCEL = "track_id", "lead_accel_mps2"
 SCALARS = {SPEED: HOST_SPEED, ACCEL: ACCELERATION, LEAD_ACCEL: LEAD_ACCELERATION}
+
+MOST_REPEATED = 0.5
+"""Share of rows that may have the time of the row before: a recording may have each row twice."""
 
 LONGEST_TEXT = 40
 """Characters of the file's own text that a message repeats: a quoted cell may be a whole file."""
@@ -66,8 +70,21 @@ class Table:
             raise UserError(f"{path}: is empty; a header and at least one row are expected")
         self.header = [name.strip() for name in rows[0]]
         self._rows = rows[1:]
-        if text and not text.endswith("\n") and len(self._rows[-1]) < len(self.header):
+        ended = text.endswith(("\n", "\r"))
+        if not ended and len(self._rows[-1]) < len(self.header):
             raise UserError(f"{path}: is cut off in its last row; a whole file is expected")
+        self.remarks = list(self._oddities(ended))
+
+    def _oddities(self, ended: bool) -> Iterator[str]:
+        """What is accepted and said, as a whole file may look like that."""
+        short = sum(len(row) < len(self.header) for row in self._rows)
+        if short:
+            yield (
+                f"{short} rows have fewer than the header's {len(self.header)} cells; "
+                "those that are missing count as blank"
+            )
+        if not ended:
+            yield "the file does not end with a line break: its last number may be cut off"
 
     @property
     def there(self) -> str:
@@ -156,11 +173,21 @@ def scalar_stream(table: Table, column: str, name: str) -> list[Sample]:
 
 
 def radar_stream(table: Table) -> list[Sample]:
-    """The radar's scans; a blank range = the radar sees no target."""
+    """The radar's scans; a blank range = the radar sees no target.
+
+    Raises UserError where most rows are of the scan of the row before: those are all tracks.
+    """
+    stamps = table.stamps()
+    repeated = sum(stamp == before for before, stamp in pairwise(stamps))
+    if repeated > MOST_REPEATED * len(stamps):
+        raise UserError(
+            f"{table.path}: {repeated} of {len(stamps)} rows have the time of the row before, as "
+            "all tracks of a radar have; one row per scan, that of the lead, is expected"
+        )
     return [
         _scan(stamp, clearance, velocity, track)
         for stamp, clearance, velocity, track in zip(
-            table.stamps(),
+            stamps,
             table.column(RANGE),
             table.column(RANGE_RATE),
             table.tracks(),
@@ -182,8 +209,10 @@ def _scan(stamp: int, clearance: float | None, velocity: float | None, track: in
 
 def read_csv_streams(
     path: Path, mapping: dict[str, str], replaced: frozenset[str] = frozenset()
-) -> dict[str, list[Sample]]:
-    """The streams of a drive in one file; columns in `replaced` are not read.
+) -> tuple[dict[str, list[Sample]], list[str]]:
+    """The streams of a drive in one file, and what is to be said of it.
+
+    Columns in `replaced` are not read.
 
     Raises UserError for a missing column, text that is no number or decreasing time.
     """
@@ -210,12 +239,15 @@ def read_csv_streams(
     for column, name in SCALARS.items():
         if column not in replaced and (column in COLUMNS or table.has(column)):
             streams[name] = scalar_stream(table, column, name)
-    return streams
+    return streams, table.remarks
 
 
-def read_csv_as_it_is(path: Path, mapping: dict[str, str]) -> dict[str, list[Sample]]:
-    """The streams of a CSV file that may be no drive: time may decrease, columns may be missing.
+def read_csv_as_it_is(
+    path: Path, mapping: dict[str, str]
+) -> tuple[dict[str, list[Sample]], list[str]]:
+    """The streams of a CSV file that may be no drive, and what is to be said of it.
 
+    Time may decrease, columns may be missing.
     Raises UserError for a file that cannot be read, has no time, or has text that is no number.
     """
     table = Table(path, mapping)
@@ -236,4 +268,4 @@ def read_csv_as_it_is(path: Path, mapping: dict[str, str]) -> dict[str, list[Sam
             value = columns[column][row]
             if value is not None:
                 streams[name].append(ScalarSample(name, stamp, value))
-    return streams
+    return streams, table.remarks

@@ -5,7 +5,7 @@ import json
 import os
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -14,20 +14,24 @@ from rich.progress import track
 from lfd_mpc.collector import without_collector
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import Sample
-from lfd_replay.command_line import add_drive_options, print_table, result_table, warn
+from lfd_replay.command_line import (
+    add_drive_options,
+    late_faults,
+    print_table,
+    result_table,
+    warn,
+)
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate_many import drives_of, evaluate_all, many_table, say_failures
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
+from lfd_replay.inspection import inspect_streams
 from lfd_replay.offline import OfflineGraph
+from lfd_replay.paths import refuse_to_overwrite
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, GraphSettings, graph_settings
-from lfd_replay.read_drive import (
-    ReadOptions,
-    read_drive,
-    read_options,
-)
+from lfd_replay.read_drive import DRIVE_HELP, ReadOptions, files_read, read_drive, read_options
 from lfd_replay.recorded_step import RecordedStep
-from lfd_replay.score import Timeline, row_timeline, score
+from lfd_replay.score import Timeline, row_timeline, score, shown
 from lfd_replay.text_file import write_text
 
 
@@ -44,6 +48,12 @@ class Question:
 
 def evaluate_drive(path: Path, question: Question) -> tuple[Drive, dict]:
     """The drive and the contract's figures. Raises UserError for what is no drive."""
+    drive, result, _ = _judge(path, question)
+    return drive, result
+
+
+def _judge(path: Path, question: Question) -> tuple[Drive, dict, Timeline]:
+    """The same, and the states that the figures are of."""
     with without_collector():
         began = time.perf_counter()
         drive = read_drive(path, question.reading)
@@ -54,7 +64,22 @@ def evaluate_drive(path: Path, question: Question) -> tuple[Drive, dict]:
         graph = OfflineGraph(question.settings)
         line = row_timeline(graph.rows(_with_faults(drive, question)), drive.zero)
         elapsed = reading + time.perf_counter() - began
-    return drive, _figures(path, drive, question, line, elapsed)
+    result = _figures(path, drive, question, line, elapsed)
+    said = (*drive.warnings, *late_faults(drive, question.faults), *_not_judged(drive, result))
+    return replace(drive, warnings=said), result, line
+
+
+def _not_judged(drive: Drive, result: dict) -> list[str]:
+    """Says of a drive that shows nothing why: its figures look like those of a healthy one."""
+    never = [name for name, own in result["sensors"].items() if not own["ready_fraction"]]
+    if not never:
+        return []
+    streams: dict[str, list[Sample]] = {}
+    for sample in drive.samples:
+        streams.setdefault(sample.input, []).append(sample)
+    what = f"never ready: {', '.join(never)}" if result["steps"] else "no steps: nothing was judged"
+    missing = inspect_streams(streams)["missing"]
+    return [f"{what} ({'; '.join(missing)})" if missing else what]
 
 
 def _fetch_compiled(settings: GraphSettings) -> None:
@@ -82,9 +107,8 @@ def _figures(path: Path, drive: Drive, question: Question, line: Timeline, elaps
     }
 
 
-def _report_drive(path: Path, question: Question, folder: Path) -> tuple[Drive, dict]:
-    """The same, and once more step by step: the page shows what was said at each of them."""
-    drive, result = evaluate_drive(path, question)
+def _report_drive(drive: Drive, question: Question, sensors: dict, folder: Path) -> None:
+    """Once more step by step: the page shows what was said at each of them."""
     graph = OfflineGraph(question.settings)
     samples = _with_faults(drive, question)
     console = Console(stderr=True)
@@ -94,8 +118,7 @@ def _report_drive(path: Path, question: Question, folder: Path) -> tuple[Drive, 
     from lfd_replay.report import write_report
 
     recorded = [RecordedStep(step.horizon, step.bank, step.outcome.report) for step in steps]
-    write_report(folder, drive.name, recorded, drive.zero, question.faults, result["sensors"])
-    return drive, result
+    write_report(folder, drive.name, recorded, drive.zero, question.faults, sensors)
 
 
 def main_evaluate(arguments: list[str]) -> int:
@@ -106,8 +129,7 @@ def main_evaluate(arguments: list[str]) -> int:
         type=Path,
         nargs="+",
         metavar="DRIVE",
-        help="CSV file, bag, CAN log or folder of a segment; several, or a folder of drives, "
-        "are evaluated side by side",
+        help=f"{DRIVE_HELP}; several, or a folder of drives, are evaluated side by side",
     )
     add_drive_options(parser)
     parser.add_argument(
@@ -135,30 +157,41 @@ def main_evaluate(arguments: list[str]) -> int:
         read_options(options),
     )
     drives = drives_of(options.drives)
+    read = files_read(options, *(drives or options.drives), options.params)
+    if options.json:
+        refuse_to_overwrite(options.json, read)
+    if options.report:
+        refuse_to_overwrite(options.report / "report.html", read)
     if drives is not None:
         if options.report:
             raise UserError("--report makes the page of one drive; give one")
         if options.jobs < 1:
             raise UserError(f"--jobs {options.jobs}: 1 or more is expected")
         results = evaluate_all(
-            drives, question, evaluate_drive, options.json, options.jobs, options.scheduler
+            drives,
+            question,
+            files_read(options),
+            evaluate_drive,
+            options.json,
+            options.jobs,
+            options.scheduler,
         )
         print_table(many_table(results, options.profile))
         return say_failures(results)
     (path,) = options.drives
+    drive, result, line = _judge(path, question)
+    sensors = shown(line, question.faults)
     if options.report:
-        drive, result = _report_drive(path, question, options.report)
-    else:
-        drive, result = evaluate_drive(path, question)
-    warn(drive, question.faults)
+        _report_drive(drive, question, sensors, options.report)
     if options.json:
         write_text(options.json, json.dumps(result, indent=1, allow_nan=False) + "\n")
+    warn(drive, [])
     title = (
         f"{drive.name}: {result['duration_s']:.1f} s, {result['steps']} steps in "
         f"{result['elapsed_s']:.2f} s ({result['realtime_factor']:.0f} x real time), "
         f"profile {options.profile}"
     )
-    print_table(result_table(result["sensors"], title))
+    print_table(result_table(sensors, title))
     return 0
 
 

@@ -6,14 +6,15 @@ import os
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rich.table import Table
 
 from lfd_diagnosis.verdict import SIGNALS
 from lfd_mpc.errors import UserError
-from lfd_replay.command_line import counting_progress
+from lfd_mpc.settings import STEP_NS
+from lfd_replay.command_line import counting_progress, say_warnings
 from lfd_replay.errors import refusal
 from lfd_replay.journal import Journal, Task, run_tasks, workers
 from lfd_replay.read_drive import is_drive
@@ -57,14 +58,24 @@ def attempt(evaluate: Callable, path: Path, question: object) -> dict:
     return {**result, "warnings": list(drive.warnings)}
 
 
-def _key(path: Path, question: object) -> str:
-    """Names a drive as it is now, and what is asked of it."""
+def _state(file: Path) -> str:
     try:
-        status = path.stat()
-        state = f"{status.st_mtime_ns} {status.st_size}"
+        status = file.stat()
     except OSError:
-        state = "not there"
-    return hashlib.sha256(f"{path.resolve()} {state} {question}".encode()).hexdigest()
+        return f"{file} not there"
+    return f"{file} {status.st_mtime_ns} {status.st_size}"
+
+
+def drive_key(path: Path, question: object, further: Sequence[Path]) -> str:
+    """Names a drive as it is now, what is asked of it, and the further files that this needs."""
+    # A folder's own time does not change with the content of its files.
+    files = sorted(path.rglob("*")) if path.is_dir() else [path]
+    states = [str(path.resolve()), *map(_state, files), str(question), *map(_checksum, further)]
+    return hashlib.sha256("\0".join(states).encode()).hexdigest()
+
+
+def _checksum(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else "not there"
 
 
 def journal_file(out: Path | None, paths: list[Path]) -> Path:
@@ -78,6 +89,7 @@ def journal_file(out: Path | None, paths: list[Path]) -> Path:
 def evaluate_all(
     paths: list[Path],
     question: object,
+    further: Sequence[Path],
     evaluate: Callable,
     out: Path | None,
     jobs: int,
@@ -85,14 +97,27 @@ def evaluate_all(
 ) -> list[dict]:
     """What each drive showed, in the order of the paths; writes it to `out`.
 
+    `further`: files beside the drives that what they show depends on.
     An interrupted run goes on where it stopped. Raises UserError for an unknown scheduler.
     """
-    tasks = [Task(_key(path, question), attempt, (evaluate, path, question)) for path in paths]
+    tasks = [
+        Task(drive_key(path, question, further), attempt, (evaluate, path, question))
+        for path in paths
+    ]
     kept = journal_file(out, paths)
     journal = Journal(kept)
     with counting_progress() as progress, workers(jobs, scheduler) as pool:
         bar = progress.add_task("evaluating", total=len(tasks))
-        results = run_tasks(tasks, journal, pool, lambda: progress.advance(bar))
+        try:
+            results = run_tasks(tasks, journal, pool, lambda: progress.advance(bar))
+        except KeyboardInterrupt:
+            done = sum(task.key in journal.results for task in tasks)
+            print(
+                f"interrupted: {done} of {len(tasks)} drives are done and kept; the same command "
+                "goes on with the others",
+                file=sys.stderr,
+            )
+            raise
     ordered = [results[task.key] for task in tasks]
     if out is not None:
         write_text(out, json.dumps(together(ordered), indent=1, allow_nan=False) + "\n")
@@ -115,26 +140,38 @@ def together(results: list[dict]) -> dict:
     return {
         "drives": results,
         "failed": len(results) - len(good),
-        "hours": round(sum(result["duration_s"] for result in good) / 3600.0, 6),
+        # Of what was judged: a drive may be long and give no step.
+        "hours": round(_hours(sum(result["steps"] for result in good)), 6),
         "sensors": sensors,
     }
+
+
+def _hours(steps: int) -> float:
+    return steps * STEP_NS * 1e-9 / 3600.0
+
+
+def _ready(result: dict) -> float:
+    """Share of a drive's steps in which every sensor is judged."""
+    return min(own["ready_fraction"] for own in result["sensors"].values())
 
 
 def many_table(results: list[dict], profile: str) -> Table:
     """One line per drive, as people read it."""
     summed = together(results)
+    good = [result for result in results if "error" not in result]
+    steps = sum(result["steps"] for result in good)
+    ready = sum(_ready(result) * result["steps"] for result in good)
     table = Table(
-        "drive", "hours", "x real time", *(name.replace("_", " ") for name in SIGNALS),
+        "drive", "hours", "ready", "x real time", *(name.replace("_", " ") for name in SIGNALS),
         title=f"{len(results)} drives, {summed['hours']:.2f} h, profile {profile}; "
         "per sensor: windows found, false events",
         title_justify="left",
     )  # fmt: skip
-    for result in results:
-        if "error" in result:
-            continue
+    for result in good:
         table.add_row(
             Path(result["drive"]).name,
-            f"{result['duration_s'] / 3600.0:.3f}",
+            f"{_hours(result['steps']):.3f}",
+            f"{_ready(result):.1%}",
             f"{result['realtime_factor']:.0f}",
             *(_cell(result["sensors"][name]) for name in SIGNALS),
         )
@@ -142,6 +179,7 @@ def many_table(results: list[dict], profile: str) -> Table:
     table.add_row(
         "all",
         f"{summed['hours']:.3f}",
+        f"{ready / steps:.1%}" if steps else "-",
         "",
         *(
             f"{own['found']} of {own['windows']}, {own['false_events']}"
@@ -158,7 +196,12 @@ def _cell(figures: dict) -> str:
 
 
 def say_failures(results: list[dict]) -> int:
-    """Name the drives that could not be evaluated; returns the exit status."""
+    """Name the drives that could not be evaluated, and what is odd about the others.
+
+    Returns the exit status.
+    """
+    for result in results:
+        say_warnings(result["drive"], result.get("warnings", ()))
     failed = [result for result in results if "error" in result]
     for result in failed:
         print(f"error: {result['error']}", file=sys.stderr)

@@ -11,13 +11,22 @@ from lfd_replay.drive import Drive, make_drive
 from lfd_replay.drive_bag import write_drive
 from lfd_replay.drive_csv import ACCEL, SPEED, Table, scalar_stream
 from lfd_replay.errors import run_command
+from lfd_replay.paths import refuse_to_overwrite
 from lfd_replay.read_drive import (
     ReadOptions,
     add_read_options,
+    files_read,
     read_as_recorded,
     read_options,
     without_offset,
 )
+
+
+def _file_and_column(text: str) -> tuple[Path, str]:
+    if Path(text).is_file() or ":" not in text:
+        return Path(text), ""
+    head, _, column = text.rpartition(":")
+    return Path(head), column
 
 
 def extra_column(text: str, usual: str) -> tuple[Table, str]:
@@ -25,10 +34,7 @@ def extra_column(text: str, usual: str) -> tuple[Table, str]:
 
     Without a column name the usual one is taken, or the only one beside the time.
     """
-    path, column = Path(text), ""
-    if not path.is_file() and ":" in text:
-        head, _, column = text.rpartition(":")
-        path = Path(head)
+    path, column = _file_and_column(text)
     table = Table(path, {})
     if not column:
         others = [name for name in table.header if name != "t_s"]
@@ -53,6 +59,7 @@ def join_drive(
         if text:
             table, usual = extra_column(text, column)
             streams[name] = scalar_stream(table, usual, name)
+            remarks += [f"{table.path}: {remark}" for remark in table.remarks]
     drive = make_drive(str(recording), without_offset(recording, streams, options))
     return replace(drive, warnings=(*remarks, *drive.warnings))
 
@@ -72,9 +79,11 @@ def main_import(arguments: list[str]) -> int:
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="OUT.mcap")
     options = parser.parse_args(arguments)
 
+    further = (_file_and_column(text)[0] for text in (options.accel, options.speed) if text)
+    refuse_to_overwrite(options.out, files_read(options, options.recording, *further))
     drive = join_drive(options.recording, options.accel, options.speed, read_options(options))
-    warn(drive, [])
     write_drive(drive, options.out)
+    warn(drive, [])
     counts = ", ".join(f"{drive.count(name)} {name}" for name in INPUTS if drive.count(name))
     print(f"{options.out}: {drive.duration:.1f} s, {counts} samples")
     return 0

@@ -9,10 +9,17 @@ from rich.table import Table
 
 from lfd_mpc.errors import UserError
 from lfd_replay.command_line import print_table
-from lfd_replay.drive_csv import read_csv_as_it_is
 from lfd_replay.errors import WrongOption, run_command
 from lfd_replay.inspection import bag_topics, inspect_streams, remarks
-from lfd_replay.read_drive import add_read_options, read_options, read_streams, without_offset
+from lfd_replay.paths import refuse_to_overwrite
+from lfd_replay.read_drive import (
+    DRIVE_HELP,
+    add_read_options,
+    files_read,
+    read_as_it_is,
+    read_options,
+    read_streams,
+)
 from lfd_replay.text_file import write_text
 
 
@@ -48,12 +55,14 @@ def _inputs_table(figures: dict, title: str) -> Table:
 def main_inspect(arguments: list[str]) -> int:
     """The command line of `inspect`."""
     parser = argparse.ArgumentParser(prog="inspect", description=__doc__)
-    parser.add_argument("drive", type=Path, help="CSV file, bag, CAN log or folder of a segment")
+    parser.add_argument("drive", type=Path, help=DRIVE_HELP)
     add_read_options(parser)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
     options = parser.parse_args(arguments)
 
     reading = read_options(options)
+    if options.json:
+        refuse_to_overwrite(options.json, files_read(options, options.drive))
     topics = bag_topics(options.drive) if options.drive.exists() else []
     problem = ""
     try:
@@ -62,14 +71,11 @@ def main_inspect(arguments: list[str]) -> int:
         raise
     except UserError as error:
         # It can be read, but is no drive: what the graph needs is not there or must be chosen.
-        damage, problem = [], str(error).removeprefix(f"{options.drive}: ")
-        if options.drive.suffix == ".csv" and options.drive.is_file():
-            streams = read_csv_as_it_is(options.drive, reading.mapping)
-            streams = without_offset(options.drive, streams, reading)
-        elif topics:
-            streams = {}
-        else:
+        problem = str(error).removeprefix(f"{options.drive}: ")
+        found = read_as_it_is(options.drive, reading)
+        if found is None:
             raise
+        streams, damage = found
     figures = inspect_streams(streams)
     if problem:
         figures["runs"], figures["missing"] = False, [problem]

@@ -40,7 +40,7 @@ class Topic:
 
 def bag_topics(path: Path) -> list[Topic]:
     """All topics of a bag; none for another kind of recording. Raises UserError."""
-    if path.suffix not in BAG_SUFFIXES and not (path / "metadata.yaml").is_file():
+    if path.suffix.lower() not in BAG_SUFFIXES and not (path / "metadata.yaml").is_file():
         return []
     with open_bag(path) as reader:
         return sorted(

@@ -1,6 +1,8 @@
 """Where installed packages keep their files, and where results go."""
 
+import os
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
@@ -24,3 +26,16 @@ def make_folder(out: Path) -> None:
             pass
     except OSError as error:
         raise UserError(f"--out {out}: cannot be made or written ({error.strerror})") from error
+
+
+def refuse_to_overwrite(out: Path, inputs: Iterable[Path]) -> None:
+    """Raises UserError where what is written would stand in the place of what is read, or in it."""
+    place = Path(os.path.realpath(out))
+    for path in inputs:
+        source = Path(os.path.realpath(path))
+        inside = source in place.parents and source.is_dir()
+        if place == source or inside or place in source.parents:
+            raise UserError(
+                f"{out}: would be written over {path}, which is read, or into it; "
+                "another place is expected"
+            )

@@ -13,7 +13,7 @@ from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, Sample, ScalarSample
 from lfd_replay.drive import Drive, make_drive
 from lfd_replay.drive_bag import OPTIONS, Topics, read_bag_streams
-from lfd_replay.drive_csv import read_csv_streams
+from lfd_replay.drive_csv import read_csv_as_it_is, read_csv_streams
 from lfd_replay.errors import WrongOption
 from lfd_replay.recordings.can_log import SUFFIXES as CAN_SUFFIXES
 from lfd_replay.recordings.can_log import HostSignals, read_can_streams
@@ -21,6 +21,9 @@ from lfd_replay.recordings.comma2k19 import is_segment, read_segment_streams
 from lfd_replay.recordings.recorded_messages import Mounting
 
 BAG_SUFFIXES = (".mcap", ".db3", ".bag")
+
+DRIVE_HELP = "CSV file, bag, CAN log or folder of a segment"
+"""What every command on drives takes."""
 
 KINDS = BAG, SEGMENT, CAN_LOG, CSV = "a bag", "a comma2k19 segment", "a CAN log", "a CSV drive"
 """Kinds of recordings, in words."""
@@ -113,6 +116,11 @@ def read_options(options: argparse.Namespace) -> ReadOptions:
     )
 
 
+def files_read(options: argparse.Namespace, *drives: Path | None) -> list[Path]:
+    """What a command reads: drives, further files where given, and those of reading options."""
+    return [path for path in (*drives, options.host_dbc) if path is not None]
+
+
 def _numbers(option: str, text: str, count: int) -> list[float]:
     try:
         values = [float(part) for part in text.split(",")]
@@ -128,14 +136,14 @@ def is_drive(path: Path) -> bool:
     """Whether a path looks like one drive: a file of a known kind, a bag folder or a segment."""
     if path.is_dir():
         return (path / "metadata.yaml").is_file() or is_segment(path)
-    return path.suffix in (*BAG_SUFFIXES, *CAN_SUFFIXES, ".csv")
+    return path.suffix.lower() in (*BAG_SUFFIXES, *CAN_SUFFIXES, ".csv")
 
 
 def _kind(path: Path) -> str:
     """What a path holds: one of `KINDS`. Raises UserError for anything else."""
     if not path.exists():
         raise UserError(f"{path}: no such file{_neighbours(path)}")
-    if path.suffix in BAG_SUFFIXES or (path / "metadata.yaml").is_file():
+    if path.suffix.lower() in BAG_SUFFIXES or (path / "metadata.yaml").is_file():
         return BAG
     if path.is_dir() and is_segment(path):
         return SEGMENT
@@ -144,9 +152,9 @@ def _kind(path: Path) -> str:
             f"{path}: is a folder without metadata.yaml or processed_log; a bag folder or a "
             "comma2k19 segment is expected"
         )
-    if path.suffix in CAN_SUFFIXES:
+    if path.suffix.lower() in CAN_SUFFIXES:
         return CAN_LOG
-    if path.suffix == ".csv":
+    if path.suffix.lower() == ".csv":
         return CSV
     raise UserError(
         f"{path}: is no drive; a .csv file, a bag folder, a CAN log "
@@ -190,7 +198,25 @@ def read_as_recorded(
         return read_segment_streams(path, mounting), []
     if kind == CAN_LOG:
         return read_can_streams(path, options.host)
-    return read_csv_streams(path, options.mapping, replaced), []
+    return read_csv_streams(path, options.mapping, replaced)
+
+
+def read_as_it_is(
+    path: Path, options: ReadOptions
+) -> tuple[dict[str, list[Sample]], list[str]] | None:
+    """The same of a bag or CSV file that is no drive: each input by itself, as far as it is there.
+
+    None for another kind of recording. Raises UserError.
+    """
+    kind = _kind(path)
+    if kind == BAG:
+        mounting = replace(options.mounting, offset=0.0)
+        streams, remarks = read_bag_streams(path, options.topics, mounting, options.host, True)
+    elif kind == CSV:
+        streams, remarks = read_csv_as_it_is(path, options.mapping)
+    else:
+        return None
+    return without_offset(path, streams, options), remarks
 
 
 def without_offset(
@@ -238,7 +264,7 @@ def _neighbours(path: Path) -> str:
     if not path.parent.is_dir():
         return f"; there is no folder {path.parent} either"
     suffixes = (*BAG_SUFFIXES, *CAN_SUFFIXES, ".csv")
-    there = sorted(p.name for p in path.parent.iterdir() if p.suffix in suffixes)
+    there = sorted(p.name for p in path.parent.iterdir() if p.suffix.lower() in suffixes)
     return f"; in {path.parent} there are: {', '.join(there[:10])}" if there else ""
 
 

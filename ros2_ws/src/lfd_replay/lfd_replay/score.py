@@ -1,6 +1,6 @@
 """Verdicts against the truth: when which sensor was flagged, and whether rightly."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from statistics import median
 
@@ -8,10 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_diagnosis.verdict import SIGNALS, Report, State
+from lfd_mpc.samples import HOST_SPEED
 from lfd_mpc.settings import STEP_NS
 from lfd_replay.faults import Fault, truth_windows
 
 Interval = tuple[float, float]
+
+TRUE_SIGNALS = (*SIGNALS, HOST_SPEED)
+"""What faults can be injected into, and is judged."""
 
 GRACE = 1.0
 """Seconds after the end of a window in which a flag still belongs to it."""
@@ -28,11 +32,11 @@ class Timeline:
 def timeline(reports: Iterable[Report], zero: int) -> Timeline:
     """Collect the states of reports; those of no step (nothing arrives) are left out."""
     stamps: list[int] = []
-    states: dict[str, list[State]] = {name: [] for name in SIGNALS}
+    states: dict[str, list[State]] = {name: [] for name in TRUE_SIGNALS}
     for report in reports:
         if report.step:
             stamps.append(report.stamp - zero)
-            for name in SIGNALS:
+            for name in TRUE_SIGNALS:
                 states[name].append(getattr(report, name).state)
     return Timeline(
         np.array(stamps, dtype=np.int64),
@@ -43,10 +47,12 @@ def timeline(reports: Iterable[Report], zero: int) -> Timeline:
 def row_timeline(rows: Iterable[NDArray[np.void]], zero: int) -> Timeline:
     """The same from arrays of rows of an offline graph."""
     stamps = [np.empty(0, dtype=np.int64)]
-    states: dict[str, list[NDArray[np.int8]]] = {name: [np.empty(0, np.int8)] for name in SIGNALS}
+    states: dict[str, list[NDArray[np.int8]]] = {
+        name: [np.empty(0, np.int8)] for name in TRUE_SIGNALS
+    }
     for part in rows:
         stamps.append(part["outcome"]["stamp"] - zero)
-        for name in SIGNALS:
+        for name in TRUE_SIGNALS:
             states[name].append(part["outcome"][name]["state"].copy())
     return Timeline(
         np.concatenate(stamps), {name: np.concatenate(own) for name, own in states.items()}
@@ -153,11 +159,28 @@ def score(line: Timeline, faults: list[Fault]) -> dict[str, dict]:
     return {name: score_sensor(line, name, truth_windows(faults, name)) for name in SIGNALS}
 
 
+def shown(line: Timeline, faults: list[Fault]) -> dict[str, dict]:
+    """The same for people, with what is right but no FAULT and what is judged but no sensor.
+
+    `no_data_s`: when a window's sensor was called silent, in s after its start; and the host's
+    speed, where a fault of it was injected.
+    """
+    figures = score(line, faults)
+    of_speed = truth_windows(faults, HOST_SPEED)
+    if of_speed:
+        figures[HOST_SPEED] = score_sensor(line, HOST_SPEED, of_speed)
+    for name, own in figures.items():
+        silent = line.states[name] == State.NO_DATA
+        windows, _ = find_windows(line.stamps, silent, truth_windows(faults, name))
+        own["no_data_s"] = [window.delay for window in windows if window.delay is not None]
+    return figures
+
+
 SUMMARY_COLUMNS = ("sensor", "injected", "found", "delay", "flagged", "false events", "ready")
 
 
 def summary_rows(sensors: dict[str, dict]) -> list[tuple[str, ...]]:
-    """The figures of `score` as people read them, one row of `SUMMARY_COLUMNS` per sensor."""
+    """The figures of `shown` or `score`, one row of `SUMMARY_COLUMNS` per sensor."""
     rows = []
     for name, figures in sensors.items():
         windows = figures["windows"]
@@ -166,7 +189,7 @@ def summary_rows(sensors: dict[str, dict]) -> list[tuple[str, ...]]:
             (
                 name,
                 ", ".join(f"{start:g}-{end:g} s" for start, end in figures["truth"]) or "-",
-                f"{sum(w['found'] for w in windows)} of {len(windows)}" if windows else "-",
+                _found(windows, figures.get("no_data_s", ())),
                 "-" if delay is None else f"{delay * 1000:.0f} ms",
                 "-" if flagged is None else f"{flagged:.1%}",
                 f"{figures['false_events']} ({figures['false_s']:.2f} s)",
@@ -174,6 +197,13 @@ def summary_rows(sensors: dict[str, dict]) -> list[tuple[str, ...]]:
             )
         )
     return rows
+
+
+def _found(windows: list[dict], no_data: Sequence[float]) -> str:
+    if not windows:
+        return "-"
+    text = f"{sum(window['found'] for window in windows)} of {len(windows)}"
+    return text + (f", NO_DATA in {len(no_data)} after {median(no_data):.2f} s" if no_data else "")
 
 
 def _round(value: float) -> float:

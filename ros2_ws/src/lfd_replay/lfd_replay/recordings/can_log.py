@@ -153,7 +153,7 @@ def read_can_streams(
     frames = 0
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         # Only of text the position is known.
-        known = size if path.suffix == ".log" else None
+        known = size if path.suffix.lower() == ".log" else None
         task = progress.add_task(f"reading {path.name}", total=known)
 
         def at(position: int) -> None:
@@ -180,11 +180,11 @@ def read_frames(
     import can
 
     try:
-        if path.suffix == ".log":
+        if path.suffix.lower() == ".log":
             with path.open("rb") as file:
                 yield from _frames(_candump(file, counts, at), counts)
         else:
-            reader = can.BLFReader if path.suffix == ".blf" else can.ASCReader
+            reader = can.BLFReader if path.suffix.lower() == ".blf" else can.ASCReader
             with reader(path) as messages:  # type: ignore[arg-type]
                 yield from _frames(_until_cut(messages, counts), counts)
     except OSError as error:

@@ -108,6 +108,8 @@ class MessageConverter:
         """Take a message of a type in `TYPES` or `HOST_FRAME`, received at `received` (ns)."""
         header = message.header.stamp
         stamp = header.sec * 1_000_000_000 + header.nanosec
+        if not stamp and received:
+            self.counts["messages without a stamp count as stamped when they were received"] += 1
         return self._converters[message_type](message, stamp or received)
 
     def push_frame(self, frame: Frame) -> Iterable[Sample]:
