@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable
 
 from lfd_mpc.errors import UserError
+from lfd_mpc.starting import INTERRUPTED
 
 
 class WrongOption(UserError):
@@ -27,7 +28,7 @@ def run_command(command: Callable[[list[str]], int], arguments: list[str] | None
         sys.stderr.close()
         return 0
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED
     except (UserError, OSError) as error:
         said = refusal(error)
         if said is None:

@@ -6,7 +6,6 @@ on, with faults in the grammar of --fault, whose times count from the newest sam
 (lfd_msgs/srv/InjectFault) is called; ~/clear (std_srvs/Trigger) ends them all.
 """
 
-import sys
 from collections import deque
 from functools import partial
 from typing import Any
@@ -16,7 +15,6 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.node_process import run_node
 from lfd_mpc.node_support import PIPELINE_QOS, declare_settings
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RadarSample, Sample
 from lfd_mpc.sensor_inputs import INPUT_TOPICS, SENSOR_OVERRIDES, sensor_qos
@@ -153,12 +151,3 @@ def _write(message: Any, sample: Sample) -> None:
         message.twist.linear.x = sample.value
     else:
         message.accel.linear.x = sample.value
-
-
-def main() -> int:
-    """Entry point of `lfd_replay fault_injector`."""
-    return run_node(lambda: FaultInjectorNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
