@@ -180,15 +180,34 @@ MISTAKES = {
     "mapping of nothing": (["good.csv", "--map", "colour=x"], "no such column of a drive"),
     "profile": (["good.csv", "--profile", "magic"], "unknown; there are: robust, paper"),
     "no parameter file": (["good.csv", "--params", "no.yaml"], "no.yaml"),
-    "unknown parameter": (["good.csv", "--params", "typo.yaml"], "preview_tiem"),
+    "unknown parameter": (
+        ["good.csv", "--params", "typo.yaml"],
+        "unknown parameter 'preview_tiem' for mpc_node; known: acceleration_lower, ",
+    ),
     "parameter without a name": (
         ["good.csv", "--params", "number.yaml"],
-        "mpc_node: parameter 7: ",
+        "unknown parameter '7' for mpc_node; known: ",
     ),
     "refused parameter": (["good.csv", "--params", "refused.yaml"], "preview_time"),
     "unknown node": (
         ["good.csv", "--params", "node.yaml"],
         "unknown node '/**/mcp_node'; there are: /**, mpc_node, observer_node",
+    ),
+    "no node of ours": (
+        ["good.csv", "--params", "others.yaml"],
+        "others.yaml: names no node of the graph; there are: /**, mpc_node, observer_node",
+    ),
+    "a number in quotes": (
+        ["good.csv", "--params", "quoted.yaml"],
+        "diagnosis_node: parameter clearance_floor: Input should be a valid number, got '1.0'",
+    ),
+    "a switch for a number": (
+        ["good.csv", "--params", "switch.yaml"],
+        "mpc_node: parameter preview_time: Input should be a valid number, got True",
+    ),
+    "lags that do not increase": (
+        ["good.csv", "--params", "lags.yaml"],
+        "lags.yaml: observer_node: lags must increase, got [3, 0]",
     ),
     "a name too long": (["x" * 300 + ".csv"], "File name too long; a path that can be opened"),
     "mapping to nothing": (
@@ -226,6 +245,13 @@ def test_evaluate_ends_a_mistake_with_one_line(mistake, tmp_path, monkeypatch, c
     (tmp_path / "folder").mkdir()
     (tmp_path / "typo.yaml").write_text("/**/mpc_node: {ros__parameters: {preview_tiem: 1.0}}")
     (tmp_path / "node.yaml").write_text("/**/mcp_node: {ros__parameters: {preview_time: 1.0}}")
+    (tmp_path / "others.yaml").write_text("diagnosis: {ros__parameters: {clearance_floor: 9.0}}")
+    for name, text in (
+        ("quoted", "diagnosis_node: {ros__parameters: {clearance_floor: '1.0'}}"),
+        ("switch", "mpc_node: {ros__parameters: {preview_time: true}}"),
+        ("lags", "observer_node: {ros__parameters: {lags: [3, 0]}}"),
+    ):
+        (tmp_path / f"{name}.yaml").write_text(text)
     (tmp_path / "number.yaml").write_text("/**/mpc_node: {ros__parameters: {7: 1.0}}")
     (tmp_path / "refused.yaml").write_text("/**/mpc_node: {ros__parameters: {preview_time: -1.0}}")
     before = sorted(tmp_path.iterdir())
