@@ -20,7 +20,7 @@ from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RadarSample, Sample
 from lfd_mpc.sensor_inputs import INPUT_TOPICS, SENSOR_OVERRIDES, sensor_qos
 from lfd_msgs.srv import InjectFault
 from lfd_replay.adapter_settings import InjectorSettings
-from lfd_replay.faults import Fault, FaultInjector, parse_faults
+from lfd_replay.faults import GRAMMAR, Fault, FaultInjector, parse_faults
 
 KEPT_NS = 10_000_000_000
 """Samples of so long ago are known to a fault that begins now: what it holds or delays."""
@@ -121,16 +121,14 @@ class FaultInjectorNode(Node):
         self, request: InjectFault.Request, response: InjectFault.Response
     ) -> InjectFault.Response:
         try:
-            faults = parse_faults([request.fault])
-            if not faults:
-                raise UserError("fault '': a fault text is expected")
-            stamp = self._faults.inject(faults)
+            stamp = self._faults.inject(_faults_of(request.fault))
         except UserError as error:
             response.success, response.message = False, str(error)
+            self.get_logger().warning(f"refused: {error}")
         else:
             response.success = True
             response.message = f"{request.fault}, from {stamp * 1e-9:.3f} s on"
-        self.get_logger().info(response.message)
+            self.get_logger().info(response.message)
         return response
 
     def _on_clear(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -138,6 +136,19 @@ class FaultInjectorNode(Node):
         response.message = f"{self._faults.clear()} injections ended"
         self.get_logger().info(response.message)
         return response
+
+
+def _faults_of(text: str) -> list[Fault]:
+    """At least one. Raises UserError that says how a fault is written."""
+    try:
+        faults = parse_faults([text])
+    except UserError as error:
+        if GRAMMAR in str(error):
+            raise
+        raise UserError(f"{error}; a fault is written {GRAMMAR}") from error
+    if not faults:
+        raise UserError(f"fault '{text}': expected {GRAMMAR}")
+    return faults
 
 
 def _write(message: Any, sample: Sample) -> None:
