@@ -1,5 +1,6 @@
 """Drives in and out, generated ones, and every mistake a user can make with them."""
 
+import json
 import math
 from pathlib import Path
 
@@ -339,3 +340,30 @@ def test_the_parameter_file_of_a_profile_is_current_and_complete(profile: str) -
     # The file alone makes the profile, whatever the default is.
     assert graph_settings("robust", file) == graph_settings(profile)
     assert all(f"/**/{node}:" in text for node in NODES)
+
+
+def test_the_figures_of_evaluate_are_those_that_scripts_read(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    csv(tmp_path, *(f"{k / 20},30,0,15,0.1" for k in range(60)), name="d.csv")
+    command = ["d.csv", "--fault", "offset:clearance=4@1-2", "--json", "out.json"]
+    assert run_command(main_evaluate, command) == 0
+    result = json.loads((tmp_path / "out.json").read_text())
+    about_the_run = "drive profile faults duration_s steps elapsed_s realtime_factor sensors"
+    assert set(result) == set(about_the_run.split())
+    assert result["faults"] == ["offset:clearance=4@1-2"]
+    # To the digits that are written.
+    factor = result["duration_s"] / result["elapsed_s"]
+    assert result["realtime_factor"] == pytest.approx(factor, rel=1e-3, abs=1e-3)
+    sensors = result["sensors"]
+    assert set(sensors) == {"clearance", "relative_velocity", "radar", "acceleration"}
+    about_a_sensor = (
+        "truth flagged detected delay_s flagged_fraction false_events false_s ready_fraction "
+        "windows"
+    )
+    for figures in sensors.values():
+        assert set(figures) == set(about_a_sensor.split())
+    for name in ("clearance", "radar"):
+        (window,) = sensors[name]["windows"]
+        assert set(window) == {"start", "found", "delay_s", "fraction", "already_flagged"}
+        assert sensors[name]["truth"] == [[1.0, 2.0]] and window["start"] == 1.0
+    assert sensors["acceleration"]["truth"] == sensors["acceleration"]["windows"] == []
