@@ -10,6 +10,9 @@ LEAD ?=
 FULL ?=
 RECORDED ?= ../shared/data
 
+# Recipes take what a user writes from the environment: a quote in it would end one in a recipe.
+export DRIVE FAULT RATE PROFILE LEAD RECORDED
+
 .PHONY: setup replay simulate evaluate bench test soak lint parameters clean
 
 setup:
@@ -18,13 +21,13 @@ setup:
 	@$(PYTHON) tools/setup.py
 
 replay: setup
-	@./run lfd_bringup replay --drive '$(DRIVE)' --fault '$(FAULT)' --rate '$(RATE)' --profile '$(PROFILE)' --out out/replay
+	@./run lfd_bringup replay --drive "$$DRIVE" --fault "$$FAULT" --rate "$$RATE" --profile "$$PROFILE" --out out/replay
 
 simulate: setup
-	@./run lfd_bringup simulate --lead '$(LEAD)' --fault '$(FAULT)' --rate '$(if $(filter command,$(origin RATE)),$(RATE),0)' --profile '$(PROFILE)' --out out/simulate
+	@./run lfd_bringup simulate --lead "$$LEAD" --fault "$$FAULT" --rate $(if $(filter command,$(origin RATE)),"$$RATE",0) --profile "$$PROFILE" --out out/simulate
 
 evaluate: setup
-	@./run lfd_replay paper_evaluation --out out/evaluate --recorded '$(RECORDED)' $(if $(filter-out 0,$(FULL)),--full)
+	@./run lfd_replay paper_evaluation --out out/evaluate --recorded "$$RECORDED" $(if $(filter-out 0,$(FULL)),--full)
 	@./run lfd_vehicle closed_loop_evaluation --out out/evaluate $(if $(filter-out 0,$(FULL)),--full)
 
 bench: setup

@@ -5,7 +5,7 @@ import os
 import time
 import zlib
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from lfd_bringup.recorder import RecorderNode
 from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.verdict import Event, Reconstruction, Report
 from lfd_mpc.horizon import Horizon
-from lfd_mpc.messages import from_message
+from lfd_mpc.messages import from_message, from_time
 from lfd_mpc.mpc_node import MpcNode
 from lfd_mpc.node_process import make_executor
 from lfd_observer.bank import BankState
@@ -108,6 +108,14 @@ RECORDS = {
 }
 
 
+@dataclass(frozen=True)
+class Command:
+    """What is asked of the car, m/s^2."""
+
+    stamp: int
+    acceleration: float
+
+
 def recorded(recorder: RecorderNode) -> dict[str, list]:
     """What a subscriber saw on each output topic; reports of no step are left out."""
     seen = {
@@ -115,6 +123,10 @@ def recorded(recorder: RecorderNode) -> dict[str, list]:
         for topic, kind in RECORDS.items()
     }
     seen["diagnosis/faults"] = [report for report in seen["diagnosis/faults"] if report.step]
+    seen["mpc/command"] = [
+        Command(from_time(message.header.stamp), message.accel.linear.x)
+        for message in recorder.messages("mpc/command")
+    ]
     return seen
 
 
@@ -123,6 +135,7 @@ def offline(samples: list, profile: str = "robust") -> dict[str, list]:
     steps = list(OfflineGraph(graph_settings(profile)).run(samples))
     return {
         "mpc/horizon": [step.horizon for step in steps],
+        "mpc/command": [Command(step.horizon.stamp, step.horizon.command) for step in steps],
         "observer/bank": [step.bank for step in steps],
         "diagnosis/faults": [step.outcome.report for step in steps],
         "diagnosis/events": [event for step in steps for event in step.outcome.events],

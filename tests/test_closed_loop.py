@@ -291,6 +291,8 @@ def test_the_run_can_be_watched(simulated: Path, browser) -> None:
     browser.set_window_size(1200, 1200)
     browser.get((simulated / "watch.html").as_uri())
     level = browser.find_element(By.ID, "level")
+    assert level.text == browser.find_element(By.ID, "why").text == "no decision yet"
+    browser.execute_script("at.value = 20; show();")
     assert level.text.startswith("NORMAL")
     browser.execute_script("at.value = 100; show();")
     assert "TAKE_OVER: STOP" in level.text
@@ -311,3 +313,40 @@ def test_the_run_can_be_watched(simulated: Path, browser) -> None:
     clock = browser.find_element(By.ID, "clock")
     WebDriverWait(browser, 10).until(lambda _: float(clock.text.split()[0]) > 1.0)
     assert [e for e in browser.get_log("browser") if e["level"] == "SEVERE"] == []
+
+
+WRITTEN = """
+const seen = {};
+const write = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+  (seen[this.canvas.id] ||= []).push([text, this.fillStyle]);
+  write.call(this, text, x, y);
+};
+show();
+return seen;
+"""
+"""What the page writes on each canvas, and in which colour."""
+
+
+def test_what_is_watched_is_what_was_measured(tmp_path: Path, browser) -> None:
+    done = simulate("--lead", "20,-1@0-1", "--fault", "dropout:radar@2-3", "--out", str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    browser.get((tmp_path / "watch.html").as_uri())
+    run = browser.execute_script("return run")
+    unseen = [t for t, v in zip(run["time"], run["measured_clearance"], strict=True) if v is None]
+    assert unseen and 2.0 < unseen[0] < 2.3 and 2.9 < unseen[-1] < 3.1
+    written = browser.execute_script(WRITTEN)
+    ticks = [float(text) for text, _ in written["accelerations"][:4]]
+    felt = [value for value in run["measured_acceleration"] if value is not None]
+    assert min(ticks) <= min(felt) and max(felt) <= max(ticks)
+    assert browser.execute_script("return ticked(-0.01, 1) + ticked(-0.06, 1)") == "0.0-0.1"
+    colours = dict(map(tuple, written["gap"]))
+    key = browser.execute_script(
+        "return [...document.querySelectorAll('#key span')].map(s =>"
+        " [s.nextSibling.textContent.trim(), s.style.backgroundColor])"
+    )
+    legend = {text.split(",")[0].partition(" (")[0]: colour for text, colour in key}
+    assert {"measured", "driven by", "reconstructed", "true"} == set(legend)
+    for name, colour in legend.items():
+        numbers = [int(colours[name][k : k + 2], 16) for k in (1, 3, 5)]
+        assert colour == f"rgb({', '.join(map(str, numbers))})", name

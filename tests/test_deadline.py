@@ -20,6 +20,7 @@ def status_of(text: str) -> int:
 @pytest.mark.parametrize("waits", WAITS.values(), ids=WAITS.keys())
 def test_a_process_ends_by_its_deadline(waits: str) -> None:
     assert status_of(f"Deadline(0.2)\n{waits}") == 0
+    assert status_of(f"Deadline(0.2, 130)\n{waits}") == 130
 
 
 def test_a_process_whose_deadline_was_lifted_goes_on() -> None:

@@ -1,5 +1,6 @@
 """Drives in and out, generated ones, and every mistake a user can make with them."""
 
+import json
 import math
 import shutil
 import subprocess
@@ -242,15 +243,34 @@ MISTAKES = {
     "mapping of nothing": (["good.csv", "--map", "colour=x"], "no such column of a drive"),
     "profile": (["good.csv", "--profile", "magic"], "unknown; there are: robust, paper"),
     "no parameter file": (["good.csv", "--params", "no.yaml"], "no.yaml"),
-    "unknown parameter": (["good.csv", "--params", "typo.yaml"], "preview_tiem"),
+    "unknown parameter": (
+        ["good.csv", "--params", "typo.yaml"],
+        "unknown parameter 'preview_tiem' for mpc_node; known: acceleration_lower, ",
+    ),
     "parameter without a name": (
         ["good.csv", "--params", "number.yaml"],
-        "mpc_node: parameter 7: ",
+        "unknown parameter '7' for mpc_node; known: ",
     ),
     "refused parameter": (["good.csv", "--params", "refused.yaml"], "preview_time"),
     "unknown node": (
         ["good.csv", "--params", "node.yaml"],
         "unknown node '/**/mcp_node'; there are: /**, mpc_node, observer_node",
+    ),
+    "no node of ours": (
+        ["good.csv", "--params", "others.yaml"],
+        "others.yaml: names no node of the graph; there are: /**, mpc_node, observer_node",
+    ),
+    "a number in quotes": (
+        ["good.csv", "--params", "quoted.yaml"],
+        "diagnosis_node: parameter clearance_floor: Input should be a valid number, got '1.0'",
+    ),
+    "a switch for a number": (
+        ["good.csv", "--params", "switch.yaml"],
+        "mpc_node: parameter preview_time: Input should be a valid number, got True",
+    ),
+    "lags that do not increase": (
+        ["good.csv", "--params", "lags.yaml"],
+        "lags.yaml: observer_node: lags must increase, got [3, 0]",
     ),
     "a name too long": (["x" * 300 + ".csv"], "File name too long; a path that can be opened"),
     "mapping to nothing": (
@@ -288,6 +308,13 @@ def test_evaluate_ends_a_mistake_with_one_line(mistake, tmp_path, monkeypatch, c
     (tmp_path / "folder").mkdir()
     (tmp_path / "typo.yaml").write_text("/**/mpc_node: {ros__parameters: {preview_tiem: 1.0}}")
     (tmp_path / "node.yaml").write_text("/**/mcp_node: {ros__parameters: {preview_time: 1.0}}")
+    (tmp_path / "others.yaml").write_text("diagnosis: {ros__parameters: {clearance_floor: 9.0}}")
+    for name, text in (
+        ("quoted", "diagnosis_node: {ros__parameters: {clearance_floor: '1.0'}}"),
+        ("switch", "mpc_node: {ros__parameters: {preview_time: true}}"),
+        ("lags", "observer_node: {ros__parameters: {lags: [3, 0]}}"),
+    ):
+        (tmp_path / f"{name}.yaml").write_text(text)
     (tmp_path / "number.yaml").write_text("/**/mpc_node: {ros__parameters: {7: 1.0}}")
     (tmp_path / "refused.yaml").write_text("/**/mpc_node: {ros__parameters: {preview_time: -1.0}}")
     before = sorted(tmp_path.iterdir())
@@ -439,3 +466,30 @@ def test_the_parameter_file_of_a_profile_is_current_and_complete(profile: str) -
     # The file alone makes the profile, whatever the default is.
     assert graph_settings("robust", file) == graph_settings(profile)
     assert all(f"/**/{node}:" in text for node in NODES)
+
+
+def test_the_figures_of_evaluate_are_those_that_scripts_read(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    csv(tmp_path, *(f"{k / 20},30,0,15,0.1" for k in range(60)), name="d.csv")
+    command = ["d.csv", "--fault", "offset:clearance=4@1-2", "--json", "out.json"]
+    assert run_command(main_evaluate, command) == 0
+    result = json.loads((tmp_path / "out.json").read_text())
+    about_the_run = "drive profile faults duration_s steps elapsed_s realtime_factor sensors"
+    assert set(result) == set(about_the_run.split())
+    assert result["faults"] == ["offset:clearance=4@1-2"]
+    # To the digits that are written.
+    factor = result["duration_s"] / result["elapsed_s"]
+    assert result["realtime_factor"] == pytest.approx(factor, rel=1e-3, abs=1e-3)
+    sensors = result["sensors"]
+    assert set(sensors) == {"clearance", "relative_velocity", "radar", "acceleration"}
+    about_a_sensor = (
+        "truth flagged detected delay_s flagged_fraction false_events false_s ready_fraction "
+        "windows"
+    )
+    for figures in sensors.values():
+        assert set(figures) == set(about_a_sensor.split())
+    for name in ("clearance", "radar"):
+        (window,) = sensors[name]["windows"]
+        assert set(window) == {"start", "found", "delay_s", "fraction", "already_flagged"}
+        assert sensors[name]["truth"] == [[1.0, 2.0]] and window["start"] == 1.0
+    assert sensors["acceleration"]["truth"] == sensors["acceleration"]["windows"] == []

@@ -236,7 +236,7 @@ class ByItself(Node):
 class Over(Running):
     status = 3
 
-sys.exit(run_node(lambda: {kind}, [], lambda node: getattr(node, "status", None)))
+sys.exit(run_node(lambda: {kind}, []))
 """
 
 

@@ -3,6 +3,7 @@
 import pytest
 
 from lfd_bringup.recorder import RecorderNode
+from lfd_diagnosis.verdict import State
 from lfd_mpc.samples import (
     ACCELERATION,
     HOST_SPEED,
@@ -90,10 +91,23 @@ def test_lockstep_gives_what_offline_gives(fault: str, profile: str) -> None:
 @pytest.mark.alone
 def test_free_rate_gives_what_offline_gives_when_nothing_was_late() -> None:
     samples = with_fault("offset:acceleration=4@1-2")
-    live = play_live(samples, rate=1.0)
-    if live["mpc/horizon"][-1].late_samples:
-        pytest.fail(f"{live['mpc/horizon'][-1].late_samples} samples were late on this machine")
-    assert_live_equals_offline(live, offline(samples))
+    own = offline(samples)
+    held_up = []
+    # A machine that is busy holds up a run now and then; one that is slow is given more time.
+    for rate in (1.0, 0.5, 0.25):
+        live = play_live(samples, rate)
+        late = live["mpc/horizon"][-1].late_samples
+        silent = silences(live) - silences(own)
+        if not late and not silent:
+            assert_live_equals_offline(live, own)
+            return
+        held_up.append(f"rate {rate}: {late} samples late, {silent} times nothing arrived")
+    pytest.fail("; ".join(held_up))
+
+
+def silences(records: dict[str, list]) -> int:
+    """How often a signal went silent: live, where nothing arrives, a wall timer says so, too."""
+    return sum(event.fault.state == State.NO_DATA for event in records["diagnosis/events"])
 
 
 def test_a_new_lead_and_an_empty_road_are_the_same_live() -> None:

@@ -1,11 +1,13 @@
 """What operators of the graph use: diagnostics, parameters, services, namespaces, layouts."""
 
 import json
+import subprocess
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
 import rclpy
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, SetParameters
@@ -21,6 +23,7 @@ from lfd_bringup.layouts import LAYOUTS, PLOTS, curves
 from lfd_bringup.recorder import TOPICS, RecorderNode
 from lfd_diagnosis.diagnosis import make_diagnosis
 from lfd_diagnosis.diagnosis_node import DiagnosisNode
+from lfd_diagnosis.markers import COLOURS, colour_of, markers
 from lfd_diagnosis.sensor_health import HARDWARE, LEVELS, SensorHealth
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import VERDICTS, State
@@ -35,7 +38,7 @@ from lfd_msgs.srv import InjectFault
 from lfd_observer.observer_node import ObserverNode
 from lfd_observer.settings import BankSettings
 from lfd_replay.fault_injector import FaultInjectorNode
-from lfd_replay.faults import FaultInjector, parse_faults
+from lfd_replay.faults import GRAMMAR, FaultInjector, parse_faults
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.parameter_table import parameter_table
 from lfd_replay.player import PlayerNode, PlayOptions
@@ -231,6 +234,7 @@ def test_a_wrong_value_is_refused_while_running(graph, kind, name, value, named:
     before = node.get_parameter(name).value
     result = set_parameter(graph, node.get_name(), name, value)
     assert not result.successful and named in result.reason
+    assert not result.reason.startswith("Value error")
     assert node.get_parameter(name).value == before
 
 
@@ -310,7 +314,7 @@ def test_changed_settings_judge_as_if_they_had_been_there() -> None:
 # --- fault injector and player
 
 
-def test_faults_are_injected_and_cleared_live(graph: Graph) -> None:
+def test_faults_are_injected_and_cleared_live(graph: Graph, capfd) -> None:
     graph.add(FaultInjectorNode(context=graph.context))
     sensor = graph.add(rclpy.create_node("sensor", context=graph.context))
     radar = sensor.create_publisher(RadarTarget, "sensors/radar/target", 10)
@@ -350,6 +354,9 @@ def test_faults_are_injected_and_cleared_live(graph: Graph) -> None:
     assert see(33.0) == 33.0
     wrong = inject("melt:radar@1-2")
     assert not wrong.success and "melt" in wrong.message and "kinds:" in wrong.message
+    (line,) = [line for line in capfd.readouterr().err.splitlines() if "unknown kind" in line]
+    assert line.startswith("[WARN]") and line.endswith(f"a fault is written {GRAMMAR}")
+    assert inject(" ").message == f"fault ' ': expected {GRAMMAR}"
 
 
 def test_a_paused_player_goes_on_step_by_step(graph: Graph) -> None:
@@ -523,3 +530,52 @@ def test_markers_show_lead_limits_and_verdicts(graph: Graph) -> None:
     }
     assert {marker.header.frame_id for marker in made.values()} == {"nose"}
     assert "clearance: OK" in made["verdicts"].text
+
+
+@pytest.mark.parametrize(
+    ("of_radar", "of_acceleration", "shown"),
+    [
+        (State.NO_DATA, State.OK, State.NO_DATA),
+        (State.NO_DATA, State.SUSPECT, State.NO_DATA),
+        (State.NO_DATA, State.FAULT, State.FAULT),
+        (State.NOT_READY, State.OK, State.NOT_READY),
+        (State.NO_TARGET, State.OK, State.OK),
+        (State.NO_TARGET, State.NO_TARGET, State.NO_TARGET),
+    ],
+)
+def test_markers_have_the_colour_of_the_worst_state(of_radar, of_acceleration, shown) -> None:
+    step = list(OfflineGraph(graph_settings("robust")).run(drive(1.0)))[-1]
+    for name in VERDICTS:
+        state = of_acceleration if name == "acceleration" else of_radar
+        getattr(step.outcome.report, name).state = state
+    made = {m.ns: m for m in markers(step.horizon, step.outcome, "radar", Time()).markers}
+    assert made["verdicts"].color == colour_of(COLOURS[shown], 1.0)
+    assert made["lead as measured"].color == colour_of(COLOURS[of_radar], 0.9)
+
+
+def test_every_state_has_a_colour_of_its_own() -> None:
+    assert set(COLOURS) == set(State) and len(set(COLOURS.values())) == len(State)
+
+
+# --- make
+
+
+@pytest.mark.parametrize(
+    ("target", "option", "text"),
+    [
+        ("replay", "DRIVE", "/x/it's/o.mcap"),
+        ("replay", "FAULT", 'offset:clearance=4@2-3;"no fault" `id`'),
+        ("simulate", "LEAD", "a lead's.csv"),
+        ("evaluate", "RECORDED", "/x/it's"),
+    ],
+)
+def test_make_hands_on_what_is_written_as_it_is(
+    target: str, option: str, text: str, tmp_path: Path
+) -> None:
+    (tmp_path / "run").write_text('#!/bin/sh\nprintf "<%s>\\n" "$@"\n')
+    (tmp_path / "run").chmod(0o755)
+    make = ["make", "-f", ROOT / "Makefile", "PYTHON=true", target, f"{option}={text}"]
+    done = subprocess.run(make, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert f"<--{option.lower()}>\n<{text}>\n" in done.stdout
+    if target == "simulate":
+        assert "<--rate>\n<0>\n" in done.stdout

@@ -3,9 +3,12 @@
 import re
 from pathlib import Path
 
+import pytest
 from test_live_equals_offline import drive
 
-from lfd_replay.faults import FaultInjector, parse_faults
+from lfd_diagnosis.verdict import SIGNALS, State
+from lfd_replay.drawing.panels import Recording, verdict_panel
+from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import graph_settings
 from lfd_replay.recorded_step import RecordedStep
@@ -13,13 +16,18 @@ from lfd_replay.report import write_report
 from lfd_replay.score import score, timeline
 
 
-def make_page(folder: Path, fault: str) -> str:
+def recorded(fault: str) -> tuple[list[Fault], list[RecordedStep]]:
     faults = parse_faults([fault])
     samples = FaultInjector(faults, 0, seed=0).apply(drive(3.0))
     steps = [
         RecordedStep(step.horizon, step.bank, step.outcome.report)
         for step in OfflineGraph(graph_settings("paper")).run(samples)
     ]
+    return faults, steps
+
+
+def make_page(folder: Path, fault: str) -> str:
+    faults, steps = recorded(fault)
     sensors = score(timeline((step.report for step in steps), 0), faults)
     path = write_report(folder, "a <drive> & more", steps, 0, faults, sensors)
     assert [file.name for file in folder.iterdir()] == [path.name]
@@ -34,6 +42,42 @@ def test_the_page_holds_everything_itself_and_tells_what_happened(tmp_path: Path
     for panel in ("clearance (m)", "fault index", "confidence (steps)", "verdict"):
         assert panel in page
     assert '<td class="FAULT">FAULT</td>' in page and "observers exclude" in page
+
+
+def test_the_reasons_are_read_on_a_narrow_screen_too(browser, tmp_path: Path) -> None:
+    make_page(tmp_path, "offset:acceleration=4@1-2")
+    browser.set_window_size(700, 900)
+    browser.get((tmp_path / "report.html").as_uri())
+    cut = "return [...document.querySelectorAll('.wide')].map(e => e.scrollWidth - e.clientWidth)"
+    assert max(browser.execute_script(cut)) <= 0
+    lines = (
+        "return [...document.querySelectorAll('.wide:last-of-type td:first-child')]"
+        ".map(e => { const r = document.createRange(); r.selectNodeContents(e);"
+        " return r.getClientRects().length; })"
+    )
+    assert set(browser.execute_script(lines)) == {1}, "a time is on one line"
+
+
+@pytest.mark.parametrize(
+    ("fault", "state"),
+    [
+        ("dropout:radar@1-2", State.NO_DATA),
+        ("offset:clearance=4,relative_velocity=-10@1-2", State.SUSPECT),
+        ("offset:clearance=4,relative_velocity=-10@1-2", State.FAULT),
+    ],
+)
+def test_the_panel_of_verdicts_shows_each_state(fault: str, state: State) -> None:
+    faults, steps = recorded(fault)
+    shown = {
+        mark.name: mark
+        for mark in verdict_panel(Recording(steps, 0, faults)).marks
+        if mark.lane == SIGNALS[::-1].index("clearance")
+    }
+    times = [step.report.stamp * 1e-9 for step in steps if step.report.clearance.state == state]
+    assert times
+    for time in times:
+        assert any(start <= time <= end for start, end in shown[state.name].intervals)
+    assert len({mark.colour for mark in shown.values()}) == len(shown) == 5
 
 
 def test_a_drive_without_steps_says_so(tmp_path: Path) -> None:

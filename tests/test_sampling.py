@@ -150,6 +150,30 @@ def test_a_long_gap_of_all_inputs_makes_no_steps_and_restarts() -> None:
     assert steps[0].clearance.stale
 
 
+@pytest.mark.parametrize(("late", "restarts"), [(-10.0, False), (0.0, False), (0.001, True)])
+def test_the_longest_gap_is_five_periods_of_the_slowest_input(late: float, restarts: bool) -> None:
+    sampler = Sampler()
+    for ms in range(0, 1000, 10):
+        if ms % 120 == 0:
+            sampler.push(radar(ms))
+        sampler.push(accel(ms))
+    steps = run(sampler, accel(990 + 5 * 120 + late), accel(1600))
+    assert len(steps) == (1 if restarts else 61)
+    assert bool(steps[0].restart_reason) is restarts
+    if restarts:
+        assert "no input for 0.600 s" in steps[0].restart_reason
+
+
+@pytest.mark.parametrize(("late", "refused"), [(-1e-6, 0), (0.0, 0), (1e-6, 1), (10.0, 1)])
+def test_a_stamp_is_refused_that_is_more_than_a_second_ahead(late: float, refused: int) -> None:
+    sampler = Sampler()
+    healthy(sampler, 0, 100)
+    run(sampler, radar(90 + 1000 + late, 99.0))
+    (step, *_) = run(sampler, accel(100 if refused else 1100))
+    assert step.refused_samples == refused
+    assert ("no input for 1.000 s" in step.restart_reason) is (refused == 0)
+
+
 def test_a_stamp_far_ahead_of_the_others_is_refused_and_disturbs_nothing() -> None:
     sampler, plain = Sampler(), Sampler()
     healthy(sampler, 0, 100)

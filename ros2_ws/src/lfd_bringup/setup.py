@@ -2,6 +2,8 @@ from glob import glob
 
 from setuptools import setup
 
+EXECUTABLES = ("compile_all", "replay", "simulate")
+
 setup(
     name="lfd_bringup",
     version="0.1.0",
@@ -22,10 +24,6 @@ setup(
     description="Launch files, parameter files and the one-process replay.",
     license="Apache-2.0",
     entry_points={
-        "console_scripts": [
-            "compile_all = lfd_bringup.compile_all:main",
-            "replay = lfd_bringup.executables:replay",
-            "simulate = lfd_bringup.simulate:main",
-        ]
+        "console_scripts": [f"{name} = lfd_bringup.executables:{name}" for name in EXECUTABLES]
     },
 )

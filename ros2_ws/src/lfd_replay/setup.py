@@ -36,5 +36,7 @@ setup(
     maintainer_email="lfd@example.com",
     description="Drives in and out: player, importers, faults, evaluation, reports.",
     license="Apache-2.0",
-    entry_points={"console_scripts": [f"{name} = lfd_replay.{name}:main" for name in EXECUTABLES]},
+    entry_points={
+        "console_scripts": [f"{name} = lfd_replay.executables:{name}" for name in EXECUTABLES]
+    },
 )

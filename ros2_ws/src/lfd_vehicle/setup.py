@@ -17,5 +17,7 @@ setup(
     maintainer_email="lfd@example.com",
     description="The closed loop: a full vehicle model behind a lead, and its sensors.",
     license="Apache-2.0",
-    entry_points={"console_scripts": [f"{name} = lfd_vehicle.{name}:main" for name in EXECUTABLES]},
+    entry_points={
+        "console_scripts": [f"{name} = lfd_vehicle.executables:{name}" for name in EXECUTABLES]
+    },
 )

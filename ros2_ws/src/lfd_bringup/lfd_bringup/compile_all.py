@@ -5,7 +5,6 @@ Without it the first start of a node after installation or a change of the sourc
 
 import argparse
 import shutil
-import sys
 import time
 
 import numpy as np
@@ -21,6 +20,7 @@ from lfd_mpc.sampling import Sampler
 from lfd_mpc.settings import MpcSettings
 from lfd_observer.prediction_store import PredictionStore
 from lfd_observer.sliding_mode_observer import SlidingModeObservers
+from lfd_replay.errors import run_command
 from lfd_replay.generated.generate import generate_drive
 from lfd_replay.journal import workers
 from lfd_replay.offline import OfflineGraph
@@ -92,9 +92,9 @@ def _drawings() -> None:
     SlidingModeObservers(1, 10.0, 0.1, 0.0).step(np.zeros((1, 2)))
 
 
-def main() -> int:
-    """Entry point of `lfd_bringup compile_all`."""
-    argparse.ArgumentParser(prog="compile_all", description=__doc__).parse_args()
+def main_compile(arguments: list[str]) -> int:
+    """The command line of `compile_all`."""
+    argparse.ArgumentParser(prog="compile_all", description=__doc__).parse_args(arguments)
     if (cache_folder() / COMPLETE).is_file():
         return 0
     print("compile: the algorithm, once after a change (a minute)", flush=True)
@@ -111,5 +111,6 @@ def main() -> int:
     return 0
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def main() -> int:
+    """Entry point of `lfd_bringup compile_all`."""
+    return run_command(main_compile)

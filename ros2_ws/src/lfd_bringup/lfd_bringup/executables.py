@@ -1,17 +1,7 @@
-"""Executables of this package that join ROS before what they compute with is imported."""
+"""Executables of this package."""
 
-from lfd_mpc.node_process import joined, own_arguments
-from lfd_replay.errors import run_command
+from lfd_mpc.starting import command
 
-
-def _replay(arguments: list[str]) -> int:
-    own_arguments("replay", arguments)
-    with joined(arguments) as since:
-        from lfd_bringup.replay import main_replay
-
-        return main_replay(arguments, since)
-
-
-def replay() -> int:
-    """Entry point of `lfd_bringup replay`."""
-    return run_command(_replay)
+compile_all = command("lfd_bringup.compile_all")
+replay = command("lfd_bringup.joined_replay")
+simulate = command("lfd_bringup.simulate")

@@ -19,7 +19,6 @@ from rich.progress import BarColumn, Progress, TextColumn
 from lfd_bringup.recorder import LOOP_TOPICS, RecorderNode
 from lfd_bringup.replay import (
     GRAPH,
-    INTERRUPTED,
     drain,
     event_line,
     graph_nodes,
@@ -34,6 +33,7 @@ from lfd_mpc.node_process import (
     own_arguments,
     ros_started,
 )
+from lfd_mpc.starting import INTERRUPTED
 from lfd_replay.command_line import print_table, result_table
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
@@ -200,7 +200,3 @@ def _print_safety(safety: Safety, console: Console) -> None:
 def main() -> int:
     """Entry point of `lfd_bringup simulate`."""
     return run_command(main_simulate)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

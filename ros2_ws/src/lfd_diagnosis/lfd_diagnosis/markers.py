@@ -12,14 +12,17 @@ from lfd_mpc.horizon import Horizon
 CAR = (4.5, 1.8, 1.5)
 """Length, width and height in m of a car that is drawn."""
 
+GREY = (0.5, 0.5, 0.5)
+
 COLOURS = {
     State.FAULT: (0.85, 0.1, 0.1),
+    State.NO_DATA: (0.5, 0.25, 0.65),
     State.SUSPECT: (0.95, 0.7, 0.1),
+    State.NOT_READY: GREY,
     State.OK: (0.2, 0.7, 0.3),
+    State.NO_TARGET: (0.5, 0.65, 0.75),
 }
-"""Colours of states, the worst first."""
-
-GREY = (0.5, 0.5, 0.5)
+"""Colours of all states, the worst first; an empty road is no worse than a sensor that is OK."""
 
 
 def new_marker(frame: str, stamp: Time, number: int, name: str, kind: int) -> Marker:
@@ -54,7 +57,7 @@ def markers(horizon: Horizon, outcome: Outcome, frame: str, stamp: Time) -> Mark
     array = MarkerArray()
     if isfinite(horizon.measured_clearance):
         marker = new_marker(frame, stamp, 0, "lead as measured", Marker.CUBE)
-        colour = COLOURS.get(report.clearance.state, GREY)
+        colour = COLOURS[report.clearance.state]
         array.markers.append(as_car(marker, horizon.measured_clearance, colour, 0.9))
     if made.clearance_valid:
         marker = new_marker(frame, stamp, 1, "lead as reconstructed", Marker.CUBE)
@@ -70,8 +73,8 @@ def markers(horizon: Horizon, outcome: Outcome, frame: str, stamp: Time) -> Mark
     words.scale.z = 0.6
     verdicts = {name: getattr(report, name) for name in SIGNALS}
     states = {verdict.state for verdict in verdicts.values()}
-    worst = next((state for state in COLOURS if state in states), None)
-    words.color = colour_of(COLOURS.get(worst, GREY), 1.0)
+    worst = next(state for state in COLOURS if state in states)
+    words.color = colour_of(COLOURS[worst], 1.0)
     words.text = "\n".join(
         f"{name}: {verdict.state.name} {verdict.confidence}/{verdict.confidence_threshold}"
         for name, verdict in verdicts.items()

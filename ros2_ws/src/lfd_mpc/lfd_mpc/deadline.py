@@ -28,18 +28,18 @@ class _Times(ctypes.Structure):
 
 
 class Deadline:
-    """Ends the process with status 0 after so many s, if it is not lifted before.
+    """Ends the process with a status after so many s, if it is not lifted before.
 
     The system's timer does it: a library in C that waits for ever may hold Python's lock, so that
     no thread of Python ever runs again.
     """
 
-    def __init__(self, seconds: float) -> None:
+    def __init__(self, seconds: float, status: int = 0) -> None:
         """Raises OSError if the system has no timer left."""
         self._system = ctypes.CDLL(None, use_errno=True)
         self._timer = ctypes.c_void_p()
         leave = ctypes.cast(self._system._exit, ctypes.c_void_p)
-        notice = _Notice(value=0, way=_SIGEV_THREAD, function=leave)
+        notice = _Notice(value=status, way=_SIGEV_THREAD, function=leave)
         timer = ctypes.byref(self._timer)
         self._check(self._system.timer_create(_CLOCK_MONOTONIC, ctypes.byref(notice), timer))
         times = _Times(after_s=int(seconds), after_ns=int(seconds % 1.0 * 1e9))

@@ -1,14 +1,5 @@
-"""Executables of this package; what they compute with is imported when they have joined ROS."""
+"""Executables of this package."""
 
-from lfd_mpc.node_process import run_node
+from lfd_mpc.starting import node
 
-
-def mpc_node() -> int:
-    """Entry point of `lfd_mpc mpc_node`."""
-
-    def load() -> type:
-        from lfd_mpc.mpc_node import MpcNode
-
-        return MpcNode
-
-    return run_node(load)
+mpc_node = node("lfd_mpc.mpc_node", "MpcNode")

@@ -27,6 +27,7 @@ from rclpy.utilities import remove_ros_args
 from lfd_mpc.collector import without_collector
 from lfd_mpc.deadline import Deadline
 from lfd_mpc.errors import UserError
+from lfd_mpc.starting import SIGNALS
 
 NodeType = TypeVar("NodeType", bound=Node)
 
@@ -71,26 +72,26 @@ class _Signals:
         self.told = False
         self.at_once = True
         self._leaves_within: float | None = None
+        self._status = 0
         self._deadline: Deadline | None = None
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         first, self.told = not self.told, True
         if first and self._leaves_within is not None:
-            self._deadline = Deadline(self._leaves_within)
+            self._deadline = Deadline(self._leaves_within, self._status)
         if self.at_once:
             self.at_once = False
             raise KeyboardInterrupt
 
     @contextmanager
-    def taken(self, leaves_within: float | None) -> Iterator[None]:
+    def taken(self, leaves_within: float | None, status: int) -> Iterator[None]:
         """Signals come here until the end; once told, nothing comes to the end of the process.
 
-        If that end does not come within so many s of the first one, the process ends.
+        If that end does not come within so many s of the first one, the process ends with `status`.
         """
         self.told, self.at_once = False, True
-        self._leaves_within = leaves_within
-        numbers = (signal.SIGINT, signal.SIGTERM)
-        before = {number: signal.signal(number, self) for number in numbers}
+        self._leaves_within, self._status = leaves_within, status
+        before = {number: signal.signal(number, self) for number in SIGNALS}
         try:
             yield
         finally:
@@ -192,10 +193,12 @@ def _refused_parameters_told() -> Iterator[None]:
 
 
 @contextmanager
-def ros_started(args: list[str] | None, leaves_within: float | None = None) -> Iterator[None]:
+def ros_started(
+    args: list[str] | None, leaves_within: float | None = None, status: int = 0
+) -> Iterator[None]:
     """ROS, seen by this machine alone unless the environment says otherwise; left at the end.
 
-    Told to end it is left within so many s, or the process ends with status 0, if that is given.
+    Told to end it is left within so many s, or the process ends with `status`, if that is given.
 
     Raises UserError for arguments, parameters or an environment with which ROS or a node does not
     start, and for security that was asked for but would not be enforced; KeyboardInterrupt for
@@ -205,7 +208,7 @@ def ros_started(args: list[str] | None, leaves_within: float | None = None) -> I
     _refuse_domain()
     if "ROS_STATIC_PEERS" not in os.environ:
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    with _signals.taken(leaves_within), _refused_parameters_told():
+    with _signals.taken(leaves_within, status), _refused_parameters_told():
         _start_ros(args)
         try:
             yield
@@ -234,12 +237,11 @@ def joined(args: list[str] | None, leaves_within: float | None = None) -> Iterat
 def run_node(
     load: Callable[[], Callable[[], NodeType]],
     args: list[str] | None = None,
-    status: Callable[[NodeType], int | None] = lambda node: None,
 ) -> int:
     """Spin one node until it is told to stop; returns the exit status.
 
-    `load` gives its class, and may import it only then; `status` that of a node which ends by
-    itself, None while it goes on.
+    `load` gives its class, and may import it only then. A node that ends by itself has a `status`,
+    which is None while it goes on.
     """
     args = sys.argv[1:] if args is None else args
     if {"-h", "--help"} & set(args):
@@ -249,7 +251,7 @@ def run_node(
     try:
         _refuse_further(args)
         with joined(args, LEAVING):
-            return _spin(load, status)
+            return _spin(load)
     except UserError as error:
         print(error, file=sys.stderr)
         return 2
@@ -266,10 +268,11 @@ def _refuse_further(args: list[str]) -> None:
         raise UserError(f"{program}: unknown: {' '.join(further)}; expected: {ROS_ARGUMENTS}")
 
 
-def _made(load: Callable[[], Callable[[], NodeType]]) -> NodeType:
+@contextmanager
+def loading() -> Iterator[None]:
     """Raises KeyboardInterrupt if told to end meanwhile, whatever was made of that."""
     try:
-        return load()()
+        yield
     except Exception as error:
         # Libraries in C make an ImportError of what is raised while they are loaded.
         if _signals.told:
@@ -277,17 +280,15 @@ def _made(load: Callable[[], Callable[[], NodeType]]) -> NodeType:
         raise
 
 
-def _spin(
-    load: Callable[[], Callable[[], NodeType]], status: Callable[[NodeType], int | None]
-) -> int:
+def _spin(load: Callable[[], Callable[[], NodeType]]) -> int:
     """Returns when told to stop or when there is a status, and leaves nothing of ROS behind."""
     try:
-        with without_collector(stays=True):
-            node = _made(load)
+        with without_collector(stays=True), loading():
+            node = load()()
         try:
             executor = make_executor()
             executor.add_node(node)
-            while (ended := status(node)) is None:
+            while (ended := getattr(node, "status", None)) is None:
                 deliver(executor, 0.1)
             return ended
         finally:

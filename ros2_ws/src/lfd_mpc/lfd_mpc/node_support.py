@@ -21,7 +21,7 @@ from std_msgs.msg import String
 from lfd_mpc.errors import UserError
 from lfd_mpc.health import PERIOD, Health
 from lfd_mpc.node_process import REFUSED_PARAMETER
-from lfd_mpc.settings import Settings, is_fixed, settings_error
+from lfd_mpc.settings import Settings, as_meant, is_fixed, settings_error, unknown_parameter
 
 READY_TOPIC = "ready"
 READY_QOS = QoSProfile(depth=20, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -67,21 +67,12 @@ def declare(node: Node, name: str, default: Any, descriptor: ParameterDescriptor
     """
     given = node._parameter_overrides.get(name)
     if given is not None:
-        value = _as_meant(given.value, default)
+        value = as_meant(given.value, default)
         node._parameter_overrides[name] = Parameter(name, value=value)
     try:
         return node.declare_parameter(name, default, descriptor).value
     except REFUSED_PARAMETER as error:
         raise UserError(f"parameter '{name}': {error}") from error
-
-
-def _as_meant(value: Any, default: Any) -> Any:
-    """A whole number where any number will do, and a number where a text is expected."""
-    if type(value) is int and isinstance(default, float):
-        return float(value)
-    if type(value) in (int, float) and isinstance(default, str):
-        return str(value)
-    return value
 
 
 def _checked(kind: type[SettingsType], values: dict[str, Any]) -> SettingsType:
@@ -147,10 +138,7 @@ def _refuse_unknown(node: Node) -> None:
     own = {"use_sim_time", "start_type_description_service"}
     for name in node._parameter_overrides:
         if name not in known and name not in own and not name.startswith("qos_overrides"):
-            raise UserError(
-                f"unknown parameter '{name}' for {node.get_name()}; "
-                f"known: {', '.join(sorted(known - own))}"
-            )
+            raise UserError(unknown_parameter(name, node.get_name(), known - own))
 
 
 class HealthPublisher:

@@ -4,6 +4,7 @@ The same models declare the ROS parameters, check a parameter file offline and m
 files of `lfd_bringup`, so that a parameter is described in one place.
 """
 
+from collections.abc import Iterable
 from typing import Any, Literal
 
 import numpy as np
@@ -40,17 +41,33 @@ def is_fixed(field: Any) -> bool:
 
 
 class Settings(BaseModel):
-    """Base of all settings: unknown names and non-finite numbers are refused."""
+    """Base of all settings: unknown names, other types and non-finite numbers are refused."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
 
 def settings_error(error: ValidationError) -> str:
     """One line for settings that pydantic refused."""
     first = error.errors(include_url=False)[0]
     where = ".".join(str(part) for part in first["loc"])
-    given = f", got {first['input']!r}" if where else ""
-    return f"parameter {where}: {first['msg']}{given}" if where else first["msg"]
+    # What our own checks say begins with pydantic's name of the exception.
+    said = first["msg"].removeprefix("Value error, ")
+    return f"parameter {where}: {said}, got {first['input']!r}" if where else said
+
+
+def unknown_parameter(name: str, owner: str, known: Iterable[str]) -> str:
+    """One line for a parameter that its owner, a node, does not have."""
+    return f"unknown parameter '{name}' for {owner}; known: {', '.join(sorted(known))}"
+
+
+def as_meant(value: Any, default: Any) -> Any:
+    """A parameter's value as its field takes it: a whole number where any number will do, a number
+    where a text is expected, a list of any length."""
+    if type(value) is int and isinstance(default, float):
+        return float(value)
+    if type(value) in (int, float) and isinstance(default, str):
+        return str(value)
+    return tuple(value) if isinstance(value, list) and isinstance(default, tuple) else value
 
 
 def settings_record(settings: Settings) -> NDArray[np.void]:

@@ -1,14 +1,5 @@
-"""Executables of this package; what they compute with is imported when they have joined ROS."""
+"""Executables of this package."""
 
-from lfd_mpc.node_process import run_node
+from lfd_mpc.starting import node
 
-
-def observer_node() -> int:
-    """Entry point of `lfd_observer observer_node`."""
-
-    def load() -> type:
-        from lfd_observer.observer_node import ObserverNode
-
-        return ObserverNode
-
-    return run_node(load)
+observer_node = node("lfd_observer.observer_node", "ObserverNode")

@@ -27,7 +27,6 @@ class SlidingModeDesign:
 
     transform: Array
     transformed_A: Array
-    transformed_G: Array
     reduced_eigenvalue: float
 
 
@@ -38,7 +37,7 @@ def design() -> SlidingModeDesign:
     Ac = T @ A @ np.linalg.inv(T)
     Gc = T @ G
     eigenvalue = Ac[0, 0] - Gc[0] / Gc[1] * Ac[1, 0]
-    return SlidingModeDesign(T, Ac, Gc, float(eigenvalue))
+    return SlidingModeDesign(T, Ac, float(eigenvalue))
 
 
 def reachability_margin(gain: float, relative_acceleration: float, sliding_error: float) -> float:

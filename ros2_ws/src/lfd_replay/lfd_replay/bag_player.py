@@ -11,6 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.node_process import LEAVING, deliver, make_executor, own_arguments, ros_started
+from lfd_mpc.starting import INTERRUPTED
 from lfd_replay.command_line import add_drive_options, warn
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
@@ -100,7 +101,7 @@ def main_play(arguments: list[str]) -> int:
         wait_for = list(GRAPH_NODES) if playing.rate == 0.0 else []
 
     try:
-        with ros_started(arguments, LEAVING):
+        with ros_started(arguments, LEAVING, INTERRUPTED):
             player = PlayerNode(samples, playing, wait_for)
             executor = make_executor()
             executor.add_node(player)
@@ -109,8 +110,6 @@ def main_play(arguments: list[str]) -> int:
     except LockstepError as error:
         print(error, file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
-        pass
     return 0
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from lfd_mpc.errors import UserError
+from lfd_mpc.starting import INTERRUPTED
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the system says where no more can be written."""
@@ -47,7 +48,7 @@ def run_command(command: Callable[[list[str]], int], arguments: list[str] | None
         _leave_output()
         return 0
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED
     except (UserError, OSError) as error:
         said = refusal(error)
         if said is None:

@@ -6,7 +6,6 @@ on, with faults in the grammar of --fault, whose times count from the newest sam
 (lfd_msgs/srv/InjectFault) is called; ~/clear (std_srvs/Trigger) ends them all.
 """
 
-import sys
 from collections import deque
 from functools import partial
 from typing import Any
@@ -16,13 +15,12 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.node_process import run_node
 from lfd_mpc.node_support import PIPELINE_QOS, declare_settings
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RadarSample, Sample
 from lfd_mpc.sensor_inputs import INPUT_TOPICS, SENSOR_OVERRIDES, sensor_qos
 from lfd_msgs.srv import InjectFault
 from lfd_replay.adapter_settings import InjectorSettings
-from lfd_replay.faults import Fault, FaultInjector, parse_faults
+from lfd_replay.faults import GRAMMAR, Fault, FaultInjector, parse_faults
 
 KEPT_NS = 10_000_000_000
 """Samples of so long ago are known to a fault that begins now: what it holds or delays."""
@@ -123,16 +121,14 @@ class FaultInjectorNode(Node):
         self, request: InjectFault.Request, response: InjectFault.Response
     ) -> InjectFault.Response:
         try:
-            faults = parse_faults([request.fault])
-            if not faults:
-                raise UserError("fault '': a fault text is expected")
-            stamp = self._faults.inject(faults)
+            stamp = self._faults.inject(_faults_of(request.fault))
         except UserError as error:
             response.success, response.message = False, str(error)
+            self.get_logger().warning(f"refused: {error}")
         else:
             response.success = True
             response.message = f"{request.fault}, from {stamp * 1e-9:.3f} s on"
-        self.get_logger().info(response.message)
+            self.get_logger().info(response.message)
         return response
 
     def _on_clear(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -140,6 +136,19 @@ class FaultInjectorNode(Node):
         response.message = f"{self._faults.clear()} injections ended"
         self.get_logger().info(response.message)
         return response
+
+
+def _faults_of(text: str) -> list[Fault]:
+    """At least one. Raises UserError that says how a fault is written."""
+    try:
+        faults = parse_faults([text])
+    except UserError as error:
+        if GRAMMAR in str(error):
+            raise
+        raise UserError(f"{error}; a fault is written {GRAMMAR}") from error
+    if not faults:
+        raise UserError(f"fault '{text}': expected {GRAMMAR}")
+    return faults
 
 
 def _write(message: Any, sample: Sample) -> None:
@@ -153,12 +162,3 @@ def _write(message: Any, sample: Sample) -> None:
         message.twist.linear.x = sample.value
     else:
         message.accel.linear.x = sample.value
-
-
-def main() -> int:
-    """Entry point of `lfd_replay fault_injector`."""
-    return run_node(lambda: FaultInjectorNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

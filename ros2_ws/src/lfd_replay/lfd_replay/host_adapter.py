@@ -5,7 +5,6 @@ AccelWithCovarianceStamped) and host/imu (sensor_msgs/Imu): remap them to the ca
 Rotation and offset of the accelerometer are parameters.
 """
 
-import sys
 from functools import partial
 from typing import Any
 
@@ -16,7 +15,6 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu
 
-from lfd_mpc.node_process import run_node
 from lfd_mpc.node_support import PIPELINE_QOS, declare_settings
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED
 from lfd_replay.adapter_settings import MountingSettings
@@ -48,12 +46,3 @@ class HostAdapterNode(Node):
         received = self.get_clock().now().nanoseconds
         for sample in self._converter.push(message_type, message, received):
             self._outputs.publish(sample)
-
-
-def main() -> int:
-    """Entry point of `lfd_replay host_adapter`."""
-    return run_node(lambda: HostAdapterNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from lfd_diagnosis.settings import DecisionSettings, DiagnosisSettings
 from lfd_mpc.errors import UserError
-from lfd_mpc.settings import MpcSettings, Settings, settings_error
+from lfd_mpc.settings import MpcSettings, Settings, as_meant, settings_error, unknown_parameter
 from lfd_observer.settings import BankSettings
 
 PROFILES: dict[str, dict[str, dict[str, object]]] = {
@@ -41,6 +41,9 @@ NODES: dict[str, type[Settings]] = {
 }
 """The settings of each node of the graph, by node name."""
 
+THERE_ARE = ", ".join(("/**", *NODES))
+"""What a parameter file may name."""
+
 
 def graph_settings(profile: str, file: Path | None = None) -> GraphSettings:
     """Settings of a profile, changed by a ROS parameter file.
@@ -63,7 +66,8 @@ def read_parameter_file(file: Path) -> dict[str, dict]:
     """Parameters by node name; `/**` and `/*` hold for every node that knows them.
 
     A node's name may have a namespace before it, as `/car/mpc_node` or `/**/mpc_node`. A file may
-    be that of a whole car: other nodes are passed over, but not one that is spelt nearly right.
+    be that of a whole car: other nodes are passed over, but not one that is spelt nearly right, nor
+    a file of nothing but others.
     Raises UserError for an unreadable file and for unknown nodes or parameters.
     """
     try:
@@ -76,24 +80,36 @@ def read_parameter_file(file: Path) -> dict[str, dict]:
             f"{file}: is no parameter file; node names with ros__parameters are expected"
         )
     values: dict[str, dict] = {name: {} for name in NODES}
+    ours = False
     for key, section in content.items():
         node = str(key).rsplit("/", 1)[-1]
         if not isinstance(section, dict) or not isinstance(section.get("ros__parameters"), dict):
             raise UserError(f"{file}: '{key}' has no ros__parameters")
-        parameters = section["ros__parameters"]
         if node in ("**", "*"):
-            for name, value in parameters.items():
-                owners = [n for n, kind in NODES.items() if name in kind.model_fields]
-                if not owners and name != "use_sim_time":
-                    raise UserError(f"{file}: unknown parameter '{name}'")
-                for owner in owners:
-                    values[owner][name] = value
-        elif node in values:
-            own = {str(k): v for k, v in parameters.items() if k != "use_sim_time"}
-            values[node].update(own)
+            owners = list(NODES)
+        elif node in NODES:
+            owners = [node]
         elif get_close_matches(node, NODES, cutoff=0.8):
-            raise UserError(f"{file}: unknown node '{key}'; there are: /**, {', '.join(NODES)}")
+            raise UserError(f"{file}: unknown node '{key}'; there are: {THERE_ARE}")
+        else:
+            continue
+        ours = True
+        _take(file, section["ros__parameters"], owners, values)
+    if not ours:
+        raise UserError(f"{file}: names no node of the graph; there are: {THERE_ARE}")
     return values
+
+
+def _take(file: Path, given: dict, owners: list[str], values: dict[str, dict]) -> None:
+    """Put the parameters of one section into the values of those of its nodes that know them."""
+    for name, value in given.items():
+        knowing = [owner for owner in owners if name in NODES[owner].model_fields]
+        if not knowing and name != "use_sim_time":
+            known = {field for owner in owners for field in NODES[owner].model_fields}
+            said = unknown_parameter(name, " and ".join(owners), known)
+            raise UserError(f"{file}: {said}")
+        for owner in knowing:
+            values[owner][name] = as_meant(value, NODES[owner].model_fields[name].default)
 
 
 def parameter_file_text(heading: Iterable[str], settings: GraphSettings) -> str:

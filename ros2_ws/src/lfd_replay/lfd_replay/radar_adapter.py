@@ -7,7 +7,6 @@ lead are taken from vehicle/twist and vehicle/imu where these are published.
 
 import importlib
 import queue
-import sys
 import threading
 import time
 from pathlib import Path
@@ -22,7 +21,6 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.node_process import run_node
 from lfd_mpc.node_support import PIPELINE_QOS, declare_settings
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR
 from lfd_replay.adapter_settings import RadarAdapterSettings
@@ -181,12 +179,3 @@ class RadarAdapterNode(Node):
             self._reader.join(timeout=1.0)
             bus.shutdown()
         super().destroy_node()
-
-
-def main() -> int:
-    """Entry point of `lfd_replay radar_adapter`."""
-    return run_node(lambda: RadarAdapterNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

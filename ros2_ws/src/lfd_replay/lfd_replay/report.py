@@ -23,6 +23,9 @@ from lfd_replay.score import SUMMARY_COLUMNS, summary_rows
 MAX_CHANGES = 200
 """Rows in the list of changes of state."""
 
+NO_BREAK = "\u00a0"
+"""A figure is on one line, however narrow its column."""
+
 
 def write_report(
     folder: Path,
@@ -82,20 +85,20 @@ def _changes(steps: Sequence[RecordedStep], zero: int) -> str:
             fault = getattr(step.report, name)
             if fault.state == before[name]:
                 continue
+            index = "–" if isnan(fault.index) else f"{fault.index:.2f}"
             rows.append(
                 (
-                    f"{(step.report.stamp - zero) * 1e-9:.2f} s",
+                    f"{(step.report.stamp - zero) * 1e-9:.2f}{NO_BREAK}s",
                     name,
                     before[name].name,
                     fault.state.name,
-                    "–" if isnan(fault.index) else f"{fault.index:.2f}",
-                    f"{fault.threshold:.3f}",
-                    f"{fault.confidence} of {fault.confidence_threshold}",
+                    f"{index} / {fault.threshold:.3f}".replace(" ", NO_BREAK),
+                    f"{fault.confidence} of {fault.confidence_threshold}".replace(" ", NO_BREAK),
                     fault.reason,
                 )
             )
             before[name] = fault.state
     left_out = len(rows) - MAX_CHANGES
     note = f"<p>{left_out} more are left out.</p>" if left_out > 0 else ""
-    header = ("time", "signal", "from", "to", "index", "threshold", "confidence", "reason")
+    header = ("time", "signal", "from", "to", "index / threshold", "confidence", "reason")
     return f"<h2>Changes of state</h2>{table_html(header, rows[:MAX_CHANGES])}{note}"

@@ -7,7 +7,6 @@ paper's comparison of predictions, here where the controller does drive.
 import argparse
 import json
 import os
-import sys
 from collections.abc import Iterable, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
@@ -381,7 +380,3 @@ def main_closed_loop(arguments: list[str]) -> int:
 def main() -> int:
     """Entry point of `lfd_vehicle closed_loop_evaluation`."""
     return run_command(main_closed_loop)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -5,7 +5,6 @@ Give `lead` (a generated drive's lead, a drive, or steps such as 20,-3@10-14) an
 (std_msgs/Float64, m/s^2) steers the lead live. It ends with the run.
 """
 
-import sys
 from dataclasses import dataclass
 
 from geometry_msgs.msg import AccelStamped
@@ -19,7 +18,6 @@ from visualization_msgs.msg import MarkerArray
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.messages import from_time, to_message, to_time
-from lfd_mpc.node_process import run_node
 from lfd_mpc.node_support import (
     PIPELINE_QOS,
     AwaitedNodes,
@@ -198,12 +196,3 @@ class VehicleNode(Node):
             self.done = True
             ending = "the cars touch" if self.world.collided else "the lead's motion ends"
             self.get_logger().info(f"{ending} after {self.world.steps * STEP_S:.2f} s")
-
-
-def main() -> int:
-    """Entry point of `lfd_vehicle vehicle_node`."""
-    return run_node(lambda: VehicleNode, status=lambda node: node.status)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -3,6 +3,7 @@
 import html
 import json
 from importlib.resources import files
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from lfd_diagnosis.verdict import State
 from lfd_mpc.decision import Action, FaultLevel
 from lfd_mpc.driving import Source
 from lfd_mpc.errors import UserError
+from lfd_mpc.settings import STEP_S
 from lfd_replay.drive_bag import open_bag
 from lfd_replay.faults import Fault
 from lfd_replay.text_file import write_text
@@ -91,10 +93,16 @@ def _read(bag: Path) -> dict[str, Any]:
     run["driving_reason"] = _numbered([m.reason for m in driving])
     horizons = _at(time, topics["/mpc/horizon"])
     for name in VERDICTS:
-        run[f"measured_{name}"] = _rounded([getattr(h, f"measured_{name}") for h in horizons])
-    decisions = _at(time, topics["/diagnosis/decision"])
-    run["level"] = [int(m.level) for m in decisions]
-    run["action"] = [int(m.action) for m in decisions]
+        # What was measured last stays in the message; a silent sensor measures nothing.
+        fresh = [nan if getattr(h, f"{name}_stale") else 1.0 for h in horizons]
+        measured = [getattr(h, f"measured_{name}") for h in horizons]
+        run[f"measured_{name}"] = _rounded(np.multiply(measured, fresh))
+    decisions = topics["/diagnosis/decision"]
+    # The car is driven by the decision of the step before.
+    first = int(np.searchsorted(time - STEP_S, _seconds(decisions[0]) - 1e-6))
+    decided = _at(time - STEP_S, decisions)
+    run["level"] = [None] * first + [int(m.level) for m in decided[first:]]
+    run["action"] = [None] * first + [int(m.action) for m in decided[first:]]
     reports = _at(time, topics["/diagnosis/faults"])
     for name in VERDICTS:
         verdicts = [getattr(m, name) for m in reports]

@@ -245,6 +245,7 @@ caption { text-align: left; font-weight: 600; padding: .3rem 0; }
 th, td { text-align: left; padding: .25rem .7rem; border-bottom: 1px solid #ddd; }
 code { background: #f3f3f3; padding: .1rem .3rem; }
 .wide { overflow-x: auto; }
+@media (max-width: 900px) { table { font-size: 12px; } th, td { padding: .25rem .3rem; } }
 .FAULT { color: #B22222; font-weight: 600; }
 </style>
 <script>%PLOTLY%</script>

@@ -32,7 +32,8 @@ GREY, DARK = "#999999", "#444444"
 SHADES = ("#D0D0D0", "#B8B8B8", "#A0A0A0", "#888888", "#606060", "#303030")
 """Of one kind of line, from the first one on; later ones lie on top."""
 
-FAULTY, INJECTED, UNJUDGED = "#B22222", "#E6B800", "#D9D9D9"
+INJECTED = "#E6B800"
+FAULTY, SUSPECTED, SILENT, UNJUDGED = "#B22222", "#F0A090", "#7A3FA0", "#D9D9D9"
 
 POINTS = 2000
 """A line is thinned to about so many points: finer than a screen, and small enough for a page."""

@@ -18,6 +18,8 @@ from lfd_replay.drawing.figures import (
     INJECTED,
     SERIES,
     SHADES,
+    SILENT,
+    SUSPECTED,
     UNJUDGED,
     HeatMap,
     Limit,
@@ -33,6 +35,14 @@ Array = NDArray[np.float64]
 
 TIME = "drive time (s)"
 INDEXED = ("clearance", "relative_velocity", "acceleration")
+
+SAID = {
+    "FAULT": ((State.FAULT,), FAULTY),
+    "SUSPECT": ((State.SUSPECT,), SUSPECTED),
+    "NO_DATA": ((State.NO_DATA,), SILENT),
+    "not judged": ((State.NOT_READY, State.NO_TARGET), UNJUDGED),
+}
+"""What a lane of verdicts shows, and its colour; OK is no mark."""
 
 
 class Recording:
@@ -170,18 +180,12 @@ def verdict_panel(recording: Recording) -> Panel:
     lanes = list(reversed(SIGNALS))
     for lane, name in enumerate(lanes):
         states = recording.verdict(name, "state")
-        unjudged = (State.NOT_READY, State.NO_DATA, State.NO_TARGET)
-        said = {
-            "injected": (recording.truth(name), INJECTED, 0.15),
-            "FAULT": (intervals(recording.stamps, states == State.FAULT), FAULTY, -0.15),
-            "not judged": (
-                intervals(recording.stamps, np.isin(states, unjudged)),
-                UNJUDGED,
-                -0.15,
-            ),
-        }
-        for text, (spans, colour, shift) in said.items():
-            marks.append(Spans(text, spans, lane, shift, colour, legend=lane == 0))
+        marks.append(
+            Spans("injected", recording.truth(name), lane, 0.15, INJECTED, legend=lane == 0)
+        )
+        for text, (those, colour) in SAID.items():
+            spans = intervals(recording.stamps, np.isin(states, those))
+            marks.append(Spans(text, spans, lane, -0.15, colour, legend=lane == 0))
     return Panel("verdict", TIME, "", marks, lanes=[label(name) for name in lanes], height=0.9)
 
 
