@@ -111,6 +111,7 @@ def drive(name: str) -> Sequence[Sample]:
         ("cut-in", HOST_SPEED, late(0.1)),
         ("stop-and-go", HOST_SPEED, dead_below(0.5)),
         ("stop-and-go", HOST_SPEED, dead_below(1.0)),
+        ("stop-and-go", HOST_SPEED, dead_below(1.4)),
         ("braking", HOST_SPEED, coarse(0.0625)),
         ("hill", HOST_SPEED, coarse(0.2778)),
         ("braking", ACCELERATION, coarse(0.25)),
@@ -401,3 +402,45 @@ def test_a_coarse_host_speed_that_was_held_leaps_by_what_it_missed() -> None:
     held = parse_faults(["hold:host_speed@37.8012-41.8012"])
     found = faults(FaultInjector(held, made.zero, 1).apply(soon))
     assert "acceleration" not in {event.signal for event in found}
+
+
+def smoothed(samples: Sequence[Sample], time: float) -> list[Sample]:
+    """A host speed that went through a filter of that time constant in s."""
+    made, speed, last = [], None, 0
+    for sample in samples:
+        if sample.input == HOST_SPEED:
+            share = 1.0 - np.exp(-(sample.stamp - last) * 1e-9 / time)
+            speed = sample.value if speed is None else speed + share * (sample.value - speed)
+            last, sample = sample.stamp, replace(sample, value=speed)
+        made.append(sample)
+    return made
+
+
+@pytest.mark.parametrize("name", ["braking", "stop-and-go", "cut-in"])
+def test_what_a_smoothed_speed_makes_of_a_manoeuvre_is_no_slope_for_long(name: str) -> None:
+    """It tells of brakes when they are half on, which is no road that bends."""
+    states = [o.report.acceleration.state for o in outcomes_of(smoothed(drive(name), 0.3))]
+    assert states.count(State.FAULT) <= 500
+
+
+def slow_velocity(samples: Sequence[Sample], time: float) -> list[Sample]:
+    """A radar whose relative velocity went through a filter of that time constant in s."""
+    made, said, last = [], None, 0
+    for sample in samples:
+        if isinstance(sample, RadarSample) and sample.has_target:
+            velocity = sample.relative_velocity
+            # Another car is not where the filter was.
+            if said is None or abs(velocity - said) > 3.0:
+                said = velocity
+            said += (1.0 - np.exp(-(sample.stamp - last) * 1e-9 / time)) * (velocity - said)
+            last, sample = sample.stamp, replace(sample, relative_velocity=said)
+        made.append(sample)
+    return made
+
+
+@pytest.mark.parametrize("name", ["normal-12", "normal-17"])
+def test_a_relative_velocity_that_is_smoothed_drifts_nobody_away(name: str) -> None:
+    samples = slow_velocity(generate_drive(name, 2, "esr").samples, 0.25)
+    assert faults(samples) == []
+    samples = FaultInjector(parse_faults(["ramp:clearance=0.5@30-40"]), 0, 1).apply(samples)
+    assert {event.signal for event in faults(samples)} == {"clearance", "radar"}

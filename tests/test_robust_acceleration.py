@@ -747,3 +747,30 @@ def test_why_there_is_nothing_to_hold_it_against_is_said(settings, faults, why: 
     car = Car(host_speed=False, **settings)
     car.drive(5.0)
     assert why in car.drive(1.0, **faults).report.acceleration.reason
+
+
+def test_wheels_that_slip_convict_no_accelerometer(car: Car) -> None:
+    """Under brakes that are released and applied again, wheels turn more slowly than the car."""
+    start, random = car.number, Random(4)
+    for k in range(250):
+        braking = -min(0.1 * k, 8.0)
+        car.speed += 0.01 * braking
+        slipping = random.uniform(0.3, 1.0) * (k > 80 and k // 12 % 2)
+        car.step(acceleration=braking, host_speed=-slipping)
+        if car.speed < 3.0:
+            break
+    assert "acceleration" not in car.faults_since(start)
+
+
+def test_a_street_that_bends_and_stays_so_leaves_no_fault_for_good(car: Car) -> None:
+    """At a walking pace a slope comes as slowly as a drift, but then stays where it is."""
+    car.speed = 1.5
+    car.drive(3.0)
+    for k in range(400):
+        car.step(acceleration=0.005 * k)
+    car.drive(12.0, acceleration=2.0)
+    assert car.outcomes[-1].report.acceleration.state == State.OK
+    jumped = Car()
+    jumped.drive(12.0)
+    jumped.drive(15.0, acceleration=2.0)
+    assert jumped.outcomes[-1].report.acceleration.state == State.FAULT

@@ -6,6 +6,7 @@ import pytest
 from robust_car import SCAN, Car
 
 from lfd_diagnosis.verdict import Kind, State
+from lfd_mpc.samples import UNKNOWN_TRACK
 
 
 def test_a_new_id_of_the_same_car_restarts_nothing(car: Car) -> None:
@@ -475,3 +476,13 @@ def test_a_reference_that_was_lost_is_known_again_once_nothing_is_faulty(car: Ca
     # Nor is what goes wrong next believed as if nothing was known of that car.
     car.drive(8.0, clearance=4.0)
     assert car.outcomes[-1].report.clearance.state == State.FAULT
+
+
+def test_a_scan_without_an_id_does_not_forget_the_targets(car: Car) -> None:
+    """The next id is another car's, as if nothing had been between."""
+    start = car.number
+    car.track_id = UNKNOWN_TRACK
+    car.drive(0.01 * SCAN)
+    car.track_id, car.clearance = 2, car.clearance + 2.5
+    assert car.drive(1.0).report.clearance.state == State.OK
+    assert not car.faults_since(start)
