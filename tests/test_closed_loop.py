@@ -266,6 +266,14 @@ def test_a_bag_that_cannot_be_replaced_is_one_line(tmp_path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
 
 
+def test_simulate_writes_over_nobody_elses_bag(tmp_path) -> None:
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag/own.mcap").write_bytes(b"a drive")
+    done = simulate("--lead", LEAD, "--out", str(tmp_path))
+    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+    assert [path.name for path in (tmp_path / "bag").iterdir()] == ["own.mcap"]
+
+
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("simulate")

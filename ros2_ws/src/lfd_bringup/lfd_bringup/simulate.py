@@ -35,11 +35,12 @@ from lfd_mpc.node_process import (
 )
 from lfd_mpc.starting import INTERRUPTED
 from lfd_replay.command_line import print_table, result_table
+from lfd_replay.drive_bag import refuse_others_bag
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
 from lfd_replay.paths import make_folder
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES
-from lfd_replay.score import score, timeline
+from lfd_replay.score import score, shown, timeline
 from lfd_replay.text_file import write_text
 from lfd_vehicle.lead import lead_motion
 from lfd_vehicle.safety import Safety, safety_of
@@ -104,6 +105,7 @@ def main_simulate(arguments: list[str]) -> int:
     faults = parse_faults(texts)
     lead = lead_motion(lead_text)
     make_folder(options.out)
+    refuse_others_bag(options.out / "bag")
 
     console = Console(soft_wrap=True)
     console.print(
@@ -179,12 +181,13 @@ def _leave(out: Path, lead: str, recorder: RecorderNode, faults: list, console: 
         console.print(f"bag: {out / 'bag'}   nothing was judged: there is no report of it")
         return
     steps = recorder.steps()
-    sensors = score(timeline((step.report for step in steps), 0), faults)
+    line = timeline((step.report for step in steps), 0)
     truth = recorder.messages("vehicle/truth")
     levels = [decision.level for decision in recorder.messages("diagnosis/decision")]
     safety = safety_of(truth, levels, truth[-1].collided)
-    summary = {"lead": lead, "safety": safety.figures(), "sensors": sensors}
+    summary = {"lead": lead, "safety": safety.figures(), "sensors": score(line, faults)}
     write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
+    sensors = shown(line, faults)
     report = write_report(out, f"closed loop behind {lead}", steps, 0, faults, sensors)
     page = write_watch_page(out / "bag", out / "watch.html", faults)
     print_table(result_table(sensors, f"{len(steps)} steps"))
