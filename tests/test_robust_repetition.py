@@ -454,3 +454,18 @@ def test_where_repetition_is_not_looked_for_nothing_is_named_so(settings, kind: 
     car.drive(10.0)
     verdict = car.drive(2.0, relative_velocity_is=10.0).report.relative_velocity
     assert (verdict.state, verdict.kind) == (State.FAULT, kind)
+
+
+@pytest.mark.parametrize(("least", "faults"), [(1.9, set()), (2.1, {"clearance"})])
+def test_a_radars_least_clearance_is_not_held(least: float, faults: set) -> None:
+    """In a jam the lead comes nearer than the radar can tell."""
+    car = Car()
+    car.clearance = 5.0
+    car.drive(4.0)
+    car.lead_acceleration = -0.7
+    while car.clearance > 2.2:
+        car.step()
+    start, car.lead_acceleration = car.number, 0.0
+    while car.clearance > 1.2:
+        car.step(clearance_is=max(car.clearance, least))
+    assert car.faults_since(start) - {"radar"} == faults

@@ -57,6 +57,9 @@ LEAPT, LEAPT_STEPS, LEAPT_CHANCE = 0.15, 2.0, 1e-3
 known of it, and probability below which it then repeats that by coincidence: both together are
 rarer still."""
 
+NEAREST = 2.0
+"""m below which many a radar says the least clearance that it can tell."""
+
 BLIND_DOUBT = 0.5
 """m/s^2 of doubt about the host while nothing but its accelerometer tells how it moves."""
 
@@ -257,6 +260,8 @@ def take_back_held(radar, settings, age):
 @inner
 def is_stuck(radar, settings, signal, of_clearance, changed):
     """A value repeated for too long, or though it should have `changed`."""
+    if of_clearance and 0.0 < signal.last <= NEAREST:
+        return False
     if of_clearance and not _repeats_itself(radar):
         if changed:
             return is_held(signal)
