@@ -319,7 +319,7 @@ def _repeats_itself(radar):
 
 
 @inner
-def should_have_changed(radar, settings, signal, of_clearance):
+def should_have_changed(radar, settings, of_clearance):
     """Whether a value that repeats itself had reason to change."""
     clearance = radar.clearance
     if _repeats_itself(radar):

@@ -346,7 +346,7 @@ def _judge_signal(radar, settings, signal, measured, of_clearance, repeated):
     if not repeated:
         take_roughness(signal.roughness, measured.at, measured.value, healthy, possible)
         count_scan(signal, settings.scan_confidence_max)
-    changed = should_have_changed(radar, settings, signal, of_clearance)
+    changed = should_have_changed(radar, settings, of_clearance)
     note_change(signal.repetition, changed)
     if signal.faulty:
         signal.faulty_at = measured.at
