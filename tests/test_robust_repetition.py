@@ -428,24 +428,6 @@ def test_without_host_speed_a_radar_that_is_held_as_a_whole_is_named_as_a_whole(
     assert {"clearance", "relative_velocity"} <= car.faults_since(start)
 
 
-def test_an_outlier_that_is_sent_twice_is_one(car: Car) -> None:
-    def scans(count: int, clearance: float = 0.0) -> None:
-        for _ in range(count):
-            while car.number % SCAN:
-                car.step()
-            car.step(clearance=clearance)
-            said = {"clearance_is": car.seen[0], "relative_velocity_is": car.seen[1]}
-            for _ in range(2 * SCAN - 1):
-                car.step(**said)
-
-    scans(60)
-    start = car.number
-    scans(1, clearance=4.0)
-    scans(20)
-    assert not car.faults_since(start)
-    assert "1 single outliers" in car.outcomes[-1].report.clearance.reason
-
-
 @pytest.mark.parametrize(
     ("settings", "kind"), [({}, Kind.HOLD), ({"check_repetition": False}, Kind.OFFSET)]
 )

@@ -345,7 +345,8 @@ def _judge_signal(radar, settings, signal, measured, of_clearance, repeated):
         possible = max(ROUGH_VELOCITY, POSSIBLE_JERK * period * period)
     if not repeated:
         take_roughness(signal.roughness, measured.at, measured.value, healthy, possible)
-        count_scan(signal, settings.scan_confidence_max)
+    # Of two scans alike the second counts as well: a fault must be told by then.
+    count_scan(signal, settings.scan_confidence_max)
     changed = should_have_changed(radar, settings, of_clearance)
     note_change(signal.repetition, changed)
     if signal.faulty:
