@@ -226,7 +226,9 @@ def _follow_samples(monitor, settings, time, value):
         take_roughness(monitor.roughness, time, value, not (monitor.faulty or standing), 0.0)
         if standing:
             excuse_repetition(monitor.repetition, monitor.faulty)
-        if not take_repetition(monitor.repetition, value, not monitor.faulty):
+        same = take_repetition(monitor.repetition, value, not monitor.faulty)
+        unknown = isnan(monitor.derivative_when_held) and is_usable(monitor.speed, settings)
+        if unknown or not same:
             monitor.derivative_when_held = monitor.speed.derivative
     append(monitor.samples, value)
     append(monitor.before_jump, monitor.filtered - monitor.slope)
@@ -407,8 +409,6 @@ def _should_have_changed(monitor, settings, usable, relative_velocity):
     if not usable:
         # Nothing tells a car that stands but that it nears its lead.
         return not is_believed(speed) and is_nearing(relative_velocity)
-    if isnan(monitor.derivative_when_held):
-        monitor.derivative_when_held = speed.derivative
     change = max(HELD_CHANGE, HELD_STEPS * resolution_of(monitor.roughness))
     change += allowance_of(monitor, settings)
     if abs(speed.derivative - monitor.derivative_when_held) > change:

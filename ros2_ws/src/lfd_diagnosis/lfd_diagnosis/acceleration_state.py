@@ -161,6 +161,8 @@ ACCELERATION = np.dtype(
 `undone` (m/s^2): what that would be as a jump, of `undone_by`, has just been undone, if all of it
 was. `before`, `relative_before` (m/s^2): the samples and `relative_slow` as a jump without host
 speed began.
+`came_at_once`: whether the fault jumped; `level` (m/s^2): where what is felt has stayed for
+`level_for` s; `silent_for`: how long nothing was heard, in s.
 `ended_size` (m/s^2): of the fault that was over last, `ended_for` (s) by now, NaN if none was.
 `shaking` (m/s^2): the deviation of single samples just now, by the `newest` ones.
 """

@@ -147,6 +147,7 @@ how the host accelerated at the newest one. `doubt` (m/s) is what the newest one
 jumps by, NaN if it does not or is not in doubt any more; the first one that was is of `doubted_at`
 (where none is, the newest one); `last` is of `last_at`, before them. `refresh` (s): how long the
 sensor, or a table it was put into, says each value again and again; it changed at `changed_at`.
+`slipped`: steps since the wheels slipped last.
 """
 
 

@@ -41,7 +41,8 @@ LEAD_REPORT = np.dtype(
     ],
     align=True,
 )
-"""What the lead says: `acceleration` (m/s^2), and how far it is `off` from what is seen."""
+"""What the lead says: `acceleration` (m/s^2), how far it is `off` from what is seen,
+and for how many s it has said the same (`same_for`)."""
 
 
 @inner

@@ -197,13 +197,13 @@ def robust_step(state, settings, horizon, relative_acceleration, outcome):
     radar, acceleration, lead = state.radar, state.acceleration, state.lead
     outcome.stamp, outcome.step = horizon.stamp, horizon.step
     outcome.starts_anew = _follow_time(state, settings, horizon)
-    state.anew = state.anew or outcome.starts_anew
     follow_acceleration(acceleration, settings, horizon)
     told = lead.acceleration if tells_unseen(lead, settings) else np.nan
     moves = not is_standing(acceleration.speed)
     speed = acceleration.speed.last if is_usable(acceleration.speed, settings) else np.nan
     host, jolt = acceleration.acceleration, acceleration.jolt
     follow_radar(radar, settings, horizon, host, jolt, told, speed, moves)
+    state.anew = (state.anew or outcome.starts_anew) and not is_ready(radar)
     # What the observers make of a radar that is not to be believed is not to be believed either.
     seen = horizon.has_target and is_ready(radar)
     fresh = not (horizon.clearance_stale or horizon.relative_velocity_stale)
@@ -297,7 +297,6 @@ def _judge_radar(state, settings, horizon, outcome):
     )
     evidence.scans = min(radar.scans, READY_SCANS)
     evidence.unseen = not horizon.has_target
-    state.anew = state.anew and not is_ready(radar)
     evidence.anew = state.anew
     evidence.lost = radar.lost or radar.carried
 

@@ -153,8 +153,8 @@ class AccelerationChecks(Settings):
         2.5,
         "m/s^2",
         "difference up to which what changes faster than a drift and slower than a jump is a road "
-        "that bends up or down, largest slope whose end is not taken for a drift, and largest "
-        "fault that a bend may hide; 0: none is",
+        "that bends up or down, largest slope whose end is not taken for a drift, largest fault "
+        "that a bend may hide, and most that a slope changes by under a fault; 0: none is",
         ROBUST,
         ge=0.0,
         le=10.0,

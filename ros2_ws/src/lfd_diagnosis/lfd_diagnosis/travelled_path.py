@@ -172,8 +172,8 @@ def follow_path(path, settings, time, clearance, velocity, step):
     if path.count == POINTS:
         path.first, path.count = _point(path, 1), path.count - 1
     new = _point(path, path.count)
-    points[new, 0], points[new, 1], points[new, 2] = time, off, step
-    points[new, 3] = velocity
+    points[new, 0], points[new, 1] = time, off
+    points[new, 2], points[new, 3] = step, velocity
     path.count += 1
     while time - points[path.first, 0] > 2.0 * settings.drift_window + 1.0:
         path.first, path.count = _point(path, 1), path.count - 1
@@ -350,13 +350,11 @@ def explain_drift(path, settings, reach, excess, held, noise, drift):
     while now - path.points[_point(path, skipped), 0] > reach:
         skipped += 1
     n = path.count - skipped
-    times, off, steps = np.empty(n), np.empty(n), np.empty(n)
-    said = np.empty(n)
+    times, off, steps, said = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     for i in range(n):
         k = _point(path, skipped + i)
         times[i] = path.points[k, 0] - now
-        off[i], steps[i] = path.points[k, 1], path.points[k, 2]
-        said[i] = path.points[k, 3]
+        off[i], steps[i], said[i] = path.points[k, 1], path.points[k, 2], path.points[k, 3]
     line_error, line_onset, line_base, line_slope = _fit(times, off, 1)
     bend_error, bend_onset, _, bend_slope = _fit(times, off, 2)
     drift.told = drift.shifted = False
@@ -365,8 +363,9 @@ def explain_drift(path, settings, reach, excess, held, noise, drift):
         return
     better, worse = min(line_error, bend_error), max(line_error, bend_error)
     late_error, lateness = _fit_lateness(said, off)
-    left = n * WANDERS * noise
-    if abs(lateness) <= MOST_LATE and DOUBT * (late_error + left) <= better + left:
+    wandered = n * WANDERS * noise
+    is_late = DOUBT * (late_error + wandered) <= better + wandered
+    if is_late and abs(lateness) <= MOST_LATE:
         # One of the two is later than the other: nobody drifts.
         return
     shift_error, shift = _fit_shift(times, off)
@@ -385,7 +384,6 @@ def explain_drift(path, settings, reach, excess, held, noise, drift):
     slope, floor = abs(line_slope), settings.relative_velocity_floor
     bends = bend_error < line_error
     # A bend looks much like a steep line beside a clearance that wanders.
-    wandered = n * WANDERS * noise
     alike = line_error + wandered > DOUBT * (bend_error + wandered)
     may_bend = bends or (floor < slope <= STEEP * floor and alike)
     plain = better <= n * PLAIN * PLAIN * noise and better <= ratio * worse

@@ -21,6 +21,8 @@ from lfd_replay.recordings.comma2k19 import is_segment, read_segment_streams
 from lfd_replay.recordings.recorded_messages import Mounting
 
 BAG_SUFFIXES = (".mcap", ".db3", ".bag")
+DRIVE_SUFFIXES = (*BAG_SUFFIXES, *CAN_SUFFIXES, ".csv")
+"""Of files that are drives, in any case."""
 
 DRIVE_HELP = "CSV file, bag, CAN log or folder of a segment"
 """What every command on drives takes."""
@@ -136,7 +138,7 @@ def is_drive(path: Path) -> bool:
     """Whether a path looks like one drive: a file of a known kind, a bag folder or a segment."""
     if path.is_dir():
         return (path / "metadata.yaml").is_file() or is_segment(path)
-    return path.suffix.lower() in (*BAG_SUFFIXES, *CAN_SUFFIXES, ".csv")
+    return path.suffix.lower() in DRIVE_SUFFIXES
 
 
 def _kind(path: Path) -> str:
@@ -263,8 +265,7 @@ def _neighbours(path: Path) -> str:
     """What drives are there instead."""
     if not path.parent.is_dir():
         return f"; there is no folder {path.parent} either"
-    suffixes = (*BAG_SUFFIXES, *CAN_SUFFIXES, ".csv")
-    there = sorted(p.name for p in path.parent.iterdir() if p.suffix.lower() in suffixes)
+    there = sorted(p.name for p in path.parent.iterdir() if p.suffix.lower() in DRIVE_SUFFIXES)
     return f"; in {path.parent} there are: {', '.join(there[:10])}" if there else ""
 
 
