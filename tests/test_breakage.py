@@ -59,8 +59,6 @@ from lfd_replay.player import PlayerNode, PlayOptions
 from lfd_replay.profiles import graph_settings
 from ros_support import REPLAY_ARGUMENTS, Graph, next_domain
 
-pytestmark = pytest.mark.alone
-
 sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
 from drives import long_drive  # noqa: E402
 
@@ -148,6 +146,7 @@ def end(processes) -> None:
 # --- 1. killed nodes
 
 
+@pytest.mark.alone
 def test_a_killed_node_is_noticed_and_its_successor_takes_over(capfd) -> None:
     kills, rng = (50 if SOAK else 3), random.Random(5)
     silent, resumed, since_ready, told = [], [], [], []
@@ -334,6 +333,7 @@ def publish_in_bursts(graph: Graph, messages, count: int) -> None:
                 graph.executor.spin_once(timeout_sec=0.0)
 
 
+@pytest.mark.alone
 def test_fuzzed_sensors_never_end_the_graph_or_pass_for_healthy(capfd) -> None:
     count = 1_000_000 if SOAK else 2_000
     fuzzer = Fuzzer(7)
@@ -430,6 +430,7 @@ def test_what_fuzzed_sensors_said_does_not_last(seed: int, count: int) -> None:
         assert verdict.state in (State.OK, State.SUSPECT), (name, verdict.reason[:200])
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("profile", ["robust", "paper"])
 def test_fuzzed_horizons_and_banks_never_end_a_node_or_pass_for_healthy(capfd, profile) -> None:
     count = 500_000 if SOAK else 1_500
@@ -492,6 +493,7 @@ def test_fuzzed_horizons_and_banks_never_end_a_node_or_pass_for_healthy(capfd, p
 # --- 3. clock trouble
 
 
+@pytest.mark.alone
 def test_jumps_of_time_restart_with_a_reason_and_blame_no_one(capfd) -> None:
     with Graph() as graph:
         graph.add_graph()
@@ -525,6 +527,7 @@ def test_jumps_of_time_restart_with_a_reason_and_blame_no_one(capfd) -> None:
         assert len(reasons) >= 6
 
 
+@pytest.mark.alone
 def test_a_slow_clock_that_stops_and_goes_on_blames_no_one(capfd) -> None:
     """/clock at 40 Hz; sensors stop with it for a while (a pause), then go on."""
     with Graph() as graph:
@@ -557,6 +560,7 @@ def test_a_slow_clock_that_stops_and_goes_on_blames_no_one(capfd) -> None:
         assert reports.faults() == []
 
 
+@pytest.mark.alone
 def test_a_looped_replay_restarts_with_a_reason(capfd) -> None:
     with Graph() as graph:
         graph.add_graph(REPLAY_ARGUMENTS)
@@ -581,6 +585,7 @@ def test_a_looped_replay_restarts_with_a_reason(capfd) -> None:
 # --- 4. load
 
 
+@pytest.mark.alone
 def test_under_load_steps_are_late_but_never_mixed_up(capfd) -> None:
     seconds = 600.0 if SOAK else 5.0
     burn = [sys.executable, "-c", "while True: pass"]
@@ -678,6 +683,7 @@ def test_a_full_disk_leaves_what_fits_and_says_so(drive_file: Path, tmp_path: Pa
     assert f"first {count} of" in error and count > 0
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("told", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_replay_leaves_what_was_recorded(
     drive_file: Path, tmp_path: Path, told: signal.Signals
@@ -722,6 +728,7 @@ def _stepped(graph: OfflineGraph, samples: list) -> tuple[float, list]:
     return time.process_time() - begin, reports
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("profile", ["robust", "paper"])
 def test_a_long_drive_takes_no_more_memory_or_time_at_its_end(capfd, profile: str) -> None:
     """Through the step classes that the nodes use; every step equals the compiled evaluation.

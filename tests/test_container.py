@@ -9,8 +9,6 @@ from pathlib import Path
 import pytest
 import yaml
 
-pytestmark = pytest.mark.alone
-
 ROOT = Path(__file__).parent.parent
 DOCKER = ROOT / "docker"
 BUILD = {**os.environ, "STORAGE_DRIVER": "vfs", "BUILDAH_ISOLATION": "chroot"}
@@ -65,6 +63,7 @@ def test_a_step_of_the_setup_that_fails_while_it_clears_the_environment_is_told(
     assert "no room for it" in (tmp_path / "out" / "setup.log").read_text()
 
 
+@pytest.mark.alone
 @pytest.mark.skipif(os.environ.get("LFD_SOAK") != "1", reason="a part of `make soak`: NOT RUN here")
 def test_the_image_is_built_and_replays_without_root(tmp_path: Path, capfd) -> None:
     if os.getuid() or not all(map(shutil.which, ("buildah", "debootstrap"))):

@@ -28,8 +28,6 @@ from ros_support import (
     recorded,
 )
 
-pytestmark = pytest.mark.alone
-
 ROOT = Path(__file__).parent.parent
 NODES = (
     ("lfd_mpc", "mpc_node"),
@@ -263,6 +261,7 @@ def stopped(name: str, kind: str) -> subprocess.CompletedProcess[str]:
     return ended(started(kind, name))
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_node_that_is_stopped_ends_in_peace(name: str) -> None:
     made = stopped(name, "WhileMade")
@@ -284,6 +283,7 @@ def running(kind: str) -> subprocess.Popen[str]:
     return process
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_node_that_is_told_again_and_again_ends_in_peace(name: str) -> None:
     """From a terminal and from `ros2 launch` at the same time, or by an impatient user."""
@@ -295,6 +295,7 @@ def test_a_node_that_is_told_again_and_again_ends_in_peace(name: str) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_node_that_the_middleware_does_not_let_go_ends_in_time(name: str) -> None:
     process = running("NeverLeaves")

@@ -19,8 +19,6 @@ from lfd_replay.drive_bag import write_drive
 from lfd_replay.faults import FaultInjector, parse_faults
 from ros_support import Graph, offline
 
-pytestmark = pytest.mark.alone
-
 ROOT = Path(__file__).parent.parent
 LAUNCH = ROOT / "ros2_ws/src/lfd_bringup/launch/replay.launch.py"
 FAULT = "offset:acceleration=4@1-2"
@@ -95,6 +93,7 @@ def test_a_drive_is_played_into_the_graph_and_ends_it(
     assert "decision_node" in started.processes
 
 
+@pytest.mark.alone
 def test_without_a_drive_there_is_the_graph_alone_in_the_cars_time(
     monkeypatch, tmp_path: Path
 ) -> None:
@@ -128,6 +127,10 @@ def test_outputs_are_recorded_by_the_bag_recorder_of_ros(monkeypatch, tmp_path: 
         arguments = {"record": str(tmp_path / "bag"), "namespace": "car1"}
         started = launched(monkeypatch, tmp_path, graph.domain, arguments)
         assert started.processes["recorder"].wait(timeout=10) == 0
+        listener = graph.add(rclpy.create_node("listener", context=graph.context))
+        # Interrupted before it has begun, a process would have to be told again.
+        nodes = set(started.processes) - {"recorder"}
+        graph.spin_until(lambda: nodes <= set(listener.get_node_names()), "the nodes are there")
         ended(started)
     asked = (tmp_path / "recorder.txt").read_text().split()
     assert asked[:7] == ["bag", "record", "-s", "mcap", "-o", str(tmp_path / "bag"), "--topics"]

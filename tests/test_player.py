@@ -26,8 +26,6 @@ from lfd_replay.player import GRAPH_NODES, PlayerNode, PlayOptions, samples_to_p
 from lfd_replay.read_drive import DRIVE_HELP
 from ros_support import REPLAY_ARGUMENTS, Graph, next_domain
 
-pytestmark = pytest.mark.alone
-
 LAUNCH = Path(__file__).parent.parent / "ros2_ws/src/lfd_bringup/launch/replay.launch.py"
 
 
@@ -71,6 +69,7 @@ def call(graph: Graph, player: PlayerNode, service: str) -> Trigger.Response:
     return future.result()
 
 
+@pytest.mark.alone
 def test_a_pause_holds_the_drive_and_resuming_goes_on() -> None:
     with Graph() as graph:
         player = graph.add(PlayerNode(drive(3.0), PlayOptions(), [], graph.context))
@@ -87,6 +86,7 @@ def test_a_pause_holds_the_drive_and_resuming_goes_on() -> None:
         assert player.played < held + 1.0
 
 
+@pytest.mark.alone
 def test_a_loop_begins_again() -> None:
     with Graph() as graph:
         options = PlayOptions(rate=20.0, loop=True)
@@ -96,6 +96,7 @@ def test_a_loop_begins_again() -> None:
         assert not player.done
 
 
+@pytest.mark.alone
 def test_steps_get_past_a_gap() -> None:
     samples = [s for s in drive(0.2) if not 50_000_000 < s.stamp < 100_000_000]
     with Graph() as graph:
@@ -108,6 +109,7 @@ def test_steps_get_past_a_gap() -> None:
         assert call(graph, player, "step").message == "is at the end"
 
 
+@pytest.mark.alone
 def test_lockstep_begins_again_at_the_end_of_a_loop() -> None:
     with Graph() as graph:
         graph.add_graph(REPLAY_ARGUMENTS)

@@ -201,22 +201,31 @@ def build_workspace(environment_is_new: bool) -> None:
     file.write_text(digest)
 
 
-def compile_algorithm() -> None:
-    """Compile what is compiled once after installation or a change of the algorithm."""
-    sources = sorted((WORKSPACE / "src").glob("lfd_*/lfd_*/*.py"))
-    parts = [(VENV / "workspace.stamp").read_bytes(), *(path.read_bytes() for path in sources)]
+@contextmanager
+def compiled() -> Iterator[None]:
+    """Compile what is compiled once after installation or a change of the algorithm, meanwhile."""
+    packages = sorted((WORKSPACE / "src").glob("lfd_*/lfd_*"))
+    sources = sorted(path for package in packages for path in package.glob("*.py"))
+    environment_stamp = (VENV / "environment.stamp").read_bytes()
+    parts = [environment_stamp, *(path.read_bytes() for path in sources)]
     file, digest = stamp("compiled", parts)
     if not needed(file, digest):
+        yield
         return
+    # The workspace may not be built yet; nothing that is compiled needs its messages.
+    environment = {**os.environ, "PYTHONPATH": ":".join(str(p.parent) for p in packages)}
+    command = "import sys; from lfd_bringup.compile_all import main; sys.exit(main())"
+    making = subprocess.Popen([PYTHON, "-c", command], env=environment)
+    try:
+        yield
+        if making.wait():
+            fail("compile", "the algorithm was not compiled", "see the lines above")
+    finally:
+        making.terminate()
+        making.wait()
     # Nodes may be started where no bytecode can be kept: by another user, in a read-only image.
-    folders = [*(WORKSPACE / "src").glob("lfd_*/lfd_*"), WORKSPACE / "install" / "lfd_msgs"]
+    folders = [*packages, WORKSPACE / "install" / "lfd_msgs"]
     run("compile", "see the lines above", [PYTHON, "-m", "compileall", "-q", *folders])
-    environment = {**os.environ}
-    if ROS_PREFIX is None:
-        environment["AMENT_PREFIX_PATH"] = str(VENV)
-    command = [ROOT / "run", "lfd_bringup", "compile_all"]
-    if subprocess.run(command, env=environment).returncode:
-        fail("compile", "the algorithm was not compiled", "see the lines above")
     file.write_text(digest)
 
 
@@ -224,9 +233,8 @@ def main() -> None:
     """Carry out what is not done yet."""
     check_prerequisites()
     is_new = make_environment()
-    with bytecode(is_new):
+    with bytecode(is_new), compiled():
         build_workspace(is_new)
-        compile_algorithm()
 
 
 if __name__ == "__main__":

@@ -128,6 +128,9 @@ class Compiled:
             # What lets Python call it takes a seventh of the time to compile.
             bare = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
             return numba.njit(error_model="numpy", _nrt=self.counts, **bare)(self.__wrapped__)
+        # It is kept by its file's path, and a workspace of links reaches a file by more than one.
+        code = self.__wrapped__.__code__
+        self.__wrapped__.__code__ = code.replace(co_filename=os.path.realpath(code.co_filename))
         config, folder = numba.core.config, cache_folder()
         before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
         try:

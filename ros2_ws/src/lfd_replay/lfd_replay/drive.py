@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import isfinite
 
 import numpy as np
@@ -22,7 +23,7 @@ class Drive:
     samples: Sequence[Sample]
     warnings: Sequence[str] = field(default=())
 
-    @property
+    @cached_property
     def zero(self) -> int:
         """Earliest stamp of any input in ns."""
         return min(sample.stamp for sample in self.samples)
