@@ -359,21 +359,7 @@ def _still_off(monitor, settings, off):
     least = LEAST if monitor.kind == Kind.OFFSET else settings.acceleration_limit
     limit = max(0.5 * abs(monitor.off), least)
     _follow_baseline(monitor, settings, off)
-    if monitor.settling:
-        # It may have been the speed that jumped for a moment, as one does that comes in steps.
-        size = monitor.undone_by
-        still = (off - monitor.undone) * size > STILL_THERE * size * size
-        monitor.back_for = monitor.back_for - 1 if still else BACK_STEPS
-        monitor.settling = monitor.back_for > 0
-    else:
-        step = (off - monitor.baseline) * (1.0 if monitor.off > 0 else -1.0)
-        back = step < -BACK * abs(monitor.off) and abs(monitor.off) > LEAST
-        monitor.back_for = monitor.back_for + 1 if back else 0
-        if monitor.back_for >= BACK_STEPS:
-            # What made the fault was undone; how the slope has changed meanwhile is felt in a
-            # moment.
-            monitor.settling, monitor.undone_by = True, monitor.size
-            monitor.undone = monitor.baseline - monitor.size
+    _await_jump_back(monitor, off)
     _follow_level(monitor, settings)
     faded = abs(off - monitor.slope_before) < min(abs(residual), LEAST)
     monitor.faded_for = monitor.faded_for + 1 if faded else 0
@@ -382,6 +368,25 @@ def _still_off(monitor, settings, off):
         monitor.reference = monitor.slope_before
     left = 0.0 if monitor.settling else residual
     set_check(monitor.check, Ground.HOST_SPEED, left, limit, monitor.kind, np.nan)
+
+
+@inner
+def _await_jump_back(monitor, off):
+    """Whether what made the fault was undone, so that it only has to settle."""
+    if monitor.settling:
+        # It may have been the speed that jumped for a moment, as one does that comes in steps.
+        size = monitor.undone_by
+        still = (off - monitor.undone) * size > STILL_THERE * size * size
+        monitor.back_for = monitor.back_for - 1 if still else BACK_STEPS
+        monitor.settling = monitor.back_for > 0
+        return
+    step = (off - monitor.baseline) * (1.0 if monitor.off > 0 else -1.0)
+    back = step < -BACK * abs(monitor.off) and abs(monitor.off) > LEAST
+    monitor.back_for = monitor.back_for + 1 if back else 0
+    if monitor.back_for >= BACK_STEPS:
+        # How the slope has changed meanwhile is felt in a moment.
+        monitor.settling, monitor.undone_by = True, monitor.size
+        monitor.undone = monitor.baseline - monitor.size
 
 
 @inner

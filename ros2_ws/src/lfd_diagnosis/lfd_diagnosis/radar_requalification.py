@@ -54,26 +54,9 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
     step = measured.value - signal.last
     if of_clearance:
         step -= track.velocity * period
-    disagrees = not signal.agreeing and not still_shows(signal)
-    shifted = of_clearance and is_bad(signal) and abs(signal.residual) <= settings.largest_shift
-    if disagrees and (radar.lost or (shows_itself(signal) and shifted)):
-        # Where nothing is known of a target, agreement with what it says begins anew. And while it
-        # was held a clearance may have gone over to another part of the car.
-        rebase(track, signal, measured.value, of_clearance)
-    elif not radar.lost:
-        said = signal.residual if of_clearance else measured.value
-        level, rise = returned_to(signal, said, repeated)
-        if isfinite(level):
-            rebase(track, signal, measured.value - signal.residual + level, of_clearance)
-            if not of_clearance:
-                # What was wrong about it stayed the same: how it rose was right all along.
-                believe(track, rise / radar.period + radar.host, SAID_STD)
-        elif of_clearance and came_back_and_shifts(signal, step, settings.largest_shift):
-            rebase(track, signal, measured.value, of_clearance)
-        elif has_stopped(signal, measured.at, settings.requalify_time):
-            rebase(track, signal, measured.value, of_clearance)
-            forgive_signal(radar, signal)
-            return
+    if _rebase_where_undone(radar, settings, signal, measured, of_clearance, repeated, step):
+        forgive_signal(radar, signal)
+        return
     spread = deviation_about(signal, track.cc if of_clearance else track.vv)
     agreeing = follow_agreement(signal, period, step, spread, settings.gate_sigma)
     latch = settings.latch
@@ -104,15 +87,48 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
         signal.must_agree = needed
         agrees = agreeing and measured.at - radar.lost_since >= needed
     if agrees:
-        forgive_signal(radar, signal)
-        if not is_radar_faulty(radar):
-            # What was followed while it was faulty tells nothing about it now.
-            clear_path(radar.path)
-        elif radar.carried and not of_clearance:
-            # One of two faults that went on with another target did not: did the other?
-            radar.lost, radar.lost_since = True, measured.at
-            radar.carried = False
-            begin_target(radar, settings, radar.id)
+        _end_fault(radar, settings, signal, measured, of_clearance)
+
+
+@inner
+def _rebase_where_undone(radar, settings, signal, measured, of_clearance, repeated, step):
+    """Take the signal for its reference again where its fault is undone, or it would never agree
+    with what is left of that; whether the fault is over with it. `step`: since the scan before,
+    beyond the lead's own motion."""
+    track = radar.track
+    disagrees = not signal.agreeing and not still_shows(signal)
+    shifted = of_clearance and is_bad(signal) and abs(signal.residual) <= settings.largest_shift
+    if disagrees and (radar.lost or (shows_itself(signal) and shifted)):
+        # Where nothing is known of a target, agreement with what it says begins anew. And while it
+        # was held a clearance may have gone over to another part of the car.
+        rebase(track, signal, measured.value, of_clearance)
+    elif not radar.lost:
+        said = signal.residual if of_clearance else measured.value
+        level, rise = returned_to(signal, said, repeated)
+        if isfinite(level):
+            rebase(track, signal, measured.value - signal.residual + level, of_clearance)
+            if not of_clearance:
+                # What was wrong about it stayed the same: how it rose was right all along.
+                believe(track, rise / radar.period + radar.host, SAID_STD)
+        elif of_clearance and came_back_and_shifts(signal, step, settings.largest_shift):
+            rebase(track, signal, measured.value, of_clearance)
+        elif has_stopped(signal, measured.at, settings.requalify_time):
+            rebase(track, signal, measured.value, of_clearance)
+            return True
+    return False
+
+
+@inner
+def _end_fault(radar, settings, signal, measured, of_clearance):
+    forgive_signal(radar, signal)
+    if not is_radar_faulty(radar):
+        # What was followed while it was faulty tells nothing about it now.
+        clear_path(radar.path)
+    elif radar.carried and not of_clearance:
+        # One of two faults that went on with another target did not: did the other?
+        radar.lost, radar.lost_since = True, measured.at
+        radar.carried = False
+        begin_target(radar, settings, radar.id)
 
 
 @inner

@@ -331,6 +331,22 @@ def _was_step(times, steps, onset, slope):
 
 
 @inner
+def _newest(path, reach):
+    """The last `reach` s of the path: times before now (s), what the clearance is off from it (m),
+    steps of the velocity, and the velocity (m/s)."""
+    now, skipped = path.then, 0
+    while now - path.points[_point(path, skipped), 0] > reach:
+        skipped += 1
+    n = path.count - skipped
+    times, off, steps, said = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    for i in range(n):
+        k = _point(path, skipped + i)
+        times[i] = path.points[k, 0] - now
+        off[i], steps[i], said[i] = path.points[k, 1], path.points[k, 2], path.points[k, 3]
+    return times, off, steps, said
+
+
+@inner
 def _tell(drift, of_clearance, kind, error):
     drift.told, drift.of_clearance, drift.kind, drift.error = True, of_clearance, kind, error
 
@@ -346,15 +362,8 @@ def explain_drift(path, settings, reach, excess, held, noise, drift):
     over its limit; `held`: the clearance repeats itself; `noise`: variance of the clearance's, in
     m^2.
     """
-    now, skipped = path.then, 0
-    while now - path.points[_point(path, skipped), 0] > reach:
-        skipped += 1
-    n = path.count - skipped
-    times, off, steps, said = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    for i in range(n):
-        k = _point(path, skipped + i)
-        times[i] = path.points[k, 0] - now
-        off[i], steps[i], said[i] = path.points[k, 1], path.points[k, 2], path.points[k, 3]
+    times, off, steps, said = _newest(path, reach)
+    n = len(times)
     line_error, line_onset, line_base, line_slope = _fit(times, off, 1)
     bend_error, bend_onset, _, bend_slope = _fit(times, off, 2)
     drift.told = drift.shifted = False
