@@ -10,6 +10,7 @@ import numpy as np
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, RADAR, RadarSample, Sample
 from lfd_mpc.sampling import AHEAD_NS
+from lfd_replay.units import odd_units
 
 LATEST = 2**31
 """Stamps are below so many s: a message's seconds are a signed number of 32 bits."""
@@ -143,6 +144,7 @@ def _oddities(streams: dict[str, list[Sample]]) -> Iterable[str]:
                 yield f"{count} {name} stamps are {what}"
         if len(gaps) and gaps.max() > AHEAD_NS:
             yield f"{name} is silent for up to {gaps.max() * 1e-9:.2f} s"
+    yield from odd_units(streams)
 
 
 def _finite(sample: Sample) -> bool:

@@ -21,6 +21,7 @@ from lfd_replay.read_drive import (
     read_streams,
 )
 from lfd_replay.text_file import write_text
+from lfd_replay.units import odd_units
 
 
 def _figure(value: float | None, unit: str = "", digits: int = 3) -> str:
@@ -79,7 +80,7 @@ def main_inspect(arguments: list[str]) -> int:
     figures = inspect_streams(streams)
     if problem:
         figures["runs"], figures["missing"] = False, [problem]
-    notes = [*damage, *remarks(figures)] if streams else []
+    notes = [*damage, *remarks(figures), *odd_units(streams)] if streams else []
     result = {
         "drive": str(options.drive),
         **figures,
