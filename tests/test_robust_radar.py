@@ -144,6 +144,32 @@ def test_a_radar_that_goes_over_to_another_part_of_the_car_is_not_faulty(car: Ca
     assert not car.faults_since(start)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(("back_to", "faulty"), [(0.3, False), (-0.5, False), (-1.0, True)])
+def test_a_radar_that_jumps_back_to_the_part_it_saw_before_is_not_faulty(
+    car: Car, side: float, back_to: float, faulty: bool
+) -> None:
+    """Though it went over to the other one little by little; nor is the end of an offset that was
+    taken for that. A jump that leads elsewhere is."""
+    for level in (1.0, 1.9):
+        car.drive(SCAN * 0.01, clearance=side * level)
+    car.drive(6.0, clearance=side * 1.9)
+    start = car.number
+    car.drive(6.0, clearance=side * back_to)
+    assert car.faults_since(start) == ({"clearance", "radar"} if faulty else set())
+
+
+def test_what_another_target_did_tells_nothing_of_a_jump(car: Car) -> None:
+    for level in (1.0, 1.9):
+        car.drive(SCAN * 0.01, clearance=level)
+    car.drive(6.0, clearance=1.9)
+    car.track_id, car.clearance = 2, 60.0
+    car.drive(6.0)
+    start = car.number
+    car.drive(1.0, clearance=-1.9)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
 @pytest.mark.parametrize("step", [0.7, -0.7])
 def test_a_radar_that_goes_over_twice_does_not_drift(step: float) -> None:
     """A straight line fits stairs as well as one shift does, and neither fits well."""

@@ -62,6 +62,7 @@ from lfd_diagnosis.radar_state import (
     WANDER_TIME,
     WANDERING,
     forgive_signal,
+    go_over,
     is_either_held,
     is_radar_faulty,
     is_ready,
@@ -130,6 +131,9 @@ velocity by which that may differ from it."""
 
 DRIVES_OFF = 0.75
 """m/s^2 that no relative velocity drifts by."""
+
+LEADS_BACK = 0.3
+"""Share of a jump of the clearance by which it may lead beside where it was before."""
 
 ALONE = 0.5
 """Share of the limits within which a scan goes on from before the last one, if that was off."""
@@ -460,6 +464,10 @@ def _suspect(radar, settings, signal, of_clearance, changed):
             measured = radar.measured_clearance if of_clearance else radar.measured_velocity
             rebase(radar.track, signal, measured.value, of_clearance)
             acquit(signal)
+        elif is_bad(signal) and of_clearance and _leads_back(radar, settings):
+            go_over(radar, radar.measured_clearance.value, signal.noise.variance)
+            acquit(signal)
+            clear_path(radar.path)
         elif is_bad(signal) and not of_clearance and _ends_a_drift(radar):
             _trust_both(radar)
         elif is_bad(signal) and not of_clearance and catches_up(radar, settings):
@@ -500,6 +508,15 @@ def _take_along(radar):
     set_clearance(track, measured.value, CLEARANCE_STD**2)
     radar.shifted_at = measured.at
     acquit(clearance)
+
+
+@inner
+def _leads_back(radar, settings):
+    """Whether the clearance jumps back to the part of the car that was seen before, or from where a
+    fault that was too small to be found had put it."""
+    jump, beside = radar.clearance.residual, radar.elsewhere
+    back = beside * jump < 0.0 and abs(jump) <= settings.largest_shift
+    return settings.check_drift and back and abs(beside + jump) < LEADS_BACK * abs(jump)
 
 
 @inner
@@ -623,7 +640,7 @@ def _explain(radar, settings, difference, limit, reach):
     explain_drift(path, settings, reach, excess, held, noise, drift)
     if drift.shifted:
         # Another part of the same car: the track goes on from there.
-        set_clearance(track, path.clearance, CLEARANCE_STD**2)
+        go_over(radar, path.clearance, CLEARANCE_STD**2)
         acquit(clearance)
         clearance.bias = 0.0
         clear_path(path)

@@ -6,7 +6,7 @@ import numpy as np
 
 from lfd_diagnosis.evidence import repeats
 from lfd_diagnosis.healthy_signal import RING, restart_roughness
-from lfd_diagnosis.lead_track import LEAD_TRACK
+from lfd_diagnosis.lead_track import LEAD_TRACK, set_clearance
 from lfd_diagnosis.new_target import LEAP, forget_leap
 from lfd_diagnosis.radar_signal import (
     RADAR_SIGNAL,
@@ -108,6 +108,7 @@ RADAR = np.dtype(
         ("agreed_clearance", "f8"),
         ("agreed_path", "f8"),
         ("shifted_at", "f8"),
+        ("elsewhere", "f8"),
         ("lost", "?"),
         ("lost_since", "f8"),
         ("carried", "?"),
@@ -125,8 +126,9 @@ radar says that it sees no lead; `followed`: scans that it was seen in, less wha
 itself within a few scans, `off_lately` how far it was off in them, `least_off` and `most_off` (m)
 where it lay beside it; `unsaid` (m/s) is by how much host and lead should have changed one that
 repeated itself for `unsaid_for` s until `sees_again_at` (s). `beside` (m) is what the clearance
-lately lay beside the track. `shifted_at` (s) is when it last went over to another part of the car
-behind a faulty relative velocity; `agreed_clearance` (m) is what was measured when that began to
+lately lay beside the track. `elsewhere` (m) is how far the part of the car that is seen lies
+from the one that was seen first, `shifted_at` (s) when it last went over to another one behind a
+faulty relative velocity; `agreed_clearance` (m) is what was measured when that began to
 agree again, `agreed_path` (m) the path that it makes since.
 """
 
@@ -163,7 +165,7 @@ def start_target(radar, settings):
     radar.host = radar.travelled_while_held = 0.0
     radar.lead_when_held = radar.changed_while_held = radar.most_changed = 0.0
     radar.clearance_when_held = radar.off_while_held = radar.expected_off = 0.0
-    radar.beside = radar.beside_when_held = 0.0
+    radar.beside = radar.beside_when_held = radar.elsewhere = 0.0
     radar.leapt_to_zero = False
     radar.sees_again_at = radar.shifted_at = -np.inf
     clear_path(radar.path)
@@ -224,6 +226,13 @@ def cut_path(radar):
     clear_path(radar.path)
     restart_roughness(radar.clearance.roughness)
     restart_roughness(radar.velocity.roughness)
+
+
+@inner
+def go_over(radar, clearance, variance):
+    """The radar sees another part of the same car: the track goes on from there (m, m^2)."""
+    radar.elsewhere += clearance - radar.track.clearance
+    set_clearance(radar.track, clearance, variance)
 
 
 @inner

@@ -13,7 +13,6 @@ from lfd_diagnosis.lead_track import (
     believe,
     clearance_then,
     predict_track,
-    set_clearance,
     start_track,
     velocity_then,
 )
@@ -35,6 +34,7 @@ from lfd_diagnosis.radar_state import (
     clearance_now,
     cut_path,
     forgive_signal,
+    go_over,
     is_radar_faulty,
     limits_about,
 )
@@ -115,6 +115,7 @@ def begin_target(radar, settings, track_id):
     radar.before_at = -np.inf
     radar.id, radar.scans, radar.followed = track_id, 1, 0
     radar.slow_acceleration = radar.slower_acceleration = mean
+    radar.elsewhere = 0.0
     # Nothing of another target says that this one's signals are held, or rough.
     radar.travelled_while_held = 0.0
     begin_to_hold(radar)
@@ -147,7 +148,7 @@ def _regain(radar, settings):
     # What a faulty one says of the moment is nothing, and nothing says that the clearance is off.
     moves_on = moves_on or radar.velocity.faulty
     if moves_on and limits[0] < abs(now - radar.track.clearance) <= settings.largest_shift:
-        set_clearance(radar.track, now, radar.clearance.noise.variance)
+        go_over(radar, now, radar.clearance.noise.variance)
         cut_path(radar)
 
 
@@ -280,7 +281,7 @@ def _recall(radar, settings, track_id, at):
         vague = slot.scans < KNOWN_SCANS and not _agrees(radar, settings)
         if given_away or vague:
             return False
-        radar.scans = slot.scans
+        radar.scans, radar.elsewhere = slot.scans, 0.0
         begin_to_hold(radar)
         return True
     return False
@@ -299,7 +300,7 @@ def _knows(radar, settings, track_id, changed):
         if changed and not faulty:
             # Another id is another part of it: that lies where it is seen.
             radar.clearance_when_held += off
-            set_clearance(radar.track, now, radar.clearance.noise.variance)
+            go_over(radar, now, radar.clearance.noise.variance)
         return True
     if faulty:
         # The faulty signals go on as they were: the car is the same, its reference still good.
