@@ -145,28 +145,31 @@ def test_a_radar_that_goes_over_to_another_part_of_the_car_is_not_faulty(car: Ca
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-@pytest.mark.parametrize(("back_to", "faulty"), [(0.3, False), (-0.5, False), (-1.0, True)])
+@pytest.mark.parametrize(
+    ("went", "back_to", "faulty"),
+    [(1.6, 0.2, False), (1.6, -0.2, False), (1.6, -1.0, True), (2.2, 0.0, True)],
+)
 def test_a_radar_that_jumps_back_to_the_part_it_saw_before_is_not_faulty(
-    car: Car, side: float, back_to: float, faulty: bool
+    car: Car, side: float, went: float, back_to: float, faulty: bool
 ) -> None:
     """Though it went over to the other one little by little; nor is the end of an offset that was
-    taken for that. A jump that leads elsewhere is."""
-    for level in (1.0, 1.9):
+    taken for that. A jump that leads elsewhere is, and one that is far."""
+    for level in (0.5 * went, went):
         car.drive(SCAN * 0.01, clearance=side * level)
-    car.drive(6.0, clearance=side * 1.9)
+    car.drive(6.0, clearance=side * went)
     start = car.number
     car.drive(6.0, clearance=side * back_to)
     assert car.faults_since(start) == ({"clearance", "radar"} if faulty else set())
 
 
 def test_what_another_target_did_tells_nothing_of_a_jump(car: Car) -> None:
-    for level in (1.0, 1.9):
+    for level in (0.8, 1.6):
         car.drive(SCAN * 0.01, clearance=level)
-    car.drive(6.0, clearance=1.9)
+    car.drive(6.0, clearance=1.6)
     car.track_id, car.clearance = 2, 60.0
     car.drive(6.0)
     start = car.number
-    car.drive(1.0, clearance=-1.9)
+    car.drive(1.0, clearance=-1.7)
     assert car.faults_since(start) == {"clearance", "radar"}
 
 

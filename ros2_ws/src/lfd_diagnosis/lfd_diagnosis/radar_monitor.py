@@ -44,6 +44,7 @@ from lfd_diagnosis.lead_track import (
 from lfd_diagnosis.radar_requalification import look_for_agreement, rebase, requalify
 from lfd_diagnosis.radar_signal import (
     GRADUAL,
+    HARDLY,
     acquit,
     classify,
     convict,
@@ -512,11 +513,12 @@ def _take_along(radar):
 
 @inner
 def _leads_back(radar, settings):
-    """Whether the clearance jumps back to the part of the car that was seen before, or from where a
-    fault that was too small to be found had put it."""
+    """Whether the clearance is hardly off, and jumps back to the part of the car that was seen
+    before, or from where a fault that was too small to be found had put it."""
     jump, beside = radar.clearance.residual, radar.elsewhere
-    back = beside * jump < 0.0 and abs(jump) <= settings.largest_shift
-    return settings.check_drift and back and abs(beside + jump) < LEADS_BACK * abs(jump)
+    hardly = abs(jump) <= min(HARDLY * radar.clearance.limit, settings.largest_shift)
+    back = beside * jump < 0.0 and abs(beside + jump) < LEADS_BACK * abs(jump)
+    return settings.check_drift and hardly and back
 
 
 @inner
