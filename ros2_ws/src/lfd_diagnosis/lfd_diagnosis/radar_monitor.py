@@ -133,7 +133,7 @@ velocity by which that may differ from it."""
 DRIVES_OFF = 0.75
 """m/s^2 that no relative velocity drifts by."""
 
-LEADS_BACK = 0.3
+LEADS_BACK = 0.15
 """Share of a jump of the clearance by which it may lead beside where it was before."""
 
 ALONE = 0.5
