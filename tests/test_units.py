@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RadarSample, Sample, ScalarSample
-from lfd_replay.drive import make_drive
+from lfd_replay.drive import make_drive, streams_of
 from lfd_replay.drive_bag import write_drive
 from lfd_replay.generated.generate import generate_drive
 from lfd_replay.inspect import main_inspect
@@ -34,11 +34,8 @@ def scaled(clearance: float = 1.0, velocity: float = 1.0, felt: float = 1.0, spe
     return put
 
 
-def streams_of(samples, put: Callable[[Sample], Sample] = lambda sample: sample) -> dict:
-    streams: dict[str, list[Sample]] = {}
-    for sample in samples:
-        streams.setdefault(sample.input, []).append(put(sample))
-    return streams
+def put_into(samples, put: Callable[[Sample], Sample]) -> dict[str, list[Sample]]:
+    return streams_of(map(put, samples))
 
 
 @pytest.mark.parametrize(
@@ -63,7 +60,7 @@ def test_another_unit_or_sign_is_named(name: str, factors: dict, said: str, requ
         samples = read_drive(data / "comma2k19_rav4_seg40_lead.csv").samples
     else:
         samples = generate_drive(name, 1, "esr").samples
-    (line,) = odd_units(streams_of(samples, scaled(**factors)))
+    (line,) = odd_units(put_into(samples, scaled(**factors)))
     assert re.search(said, line), line
 
 
@@ -82,7 +79,7 @@ def test_nothing_is_made_of_little_or_of_nonsense() -> None:
     ]
     assert not list(odd_units(streams_of(nonsense)))
     wrong = scaled(velocity=3.6, felt=-1.0)
-    assert not list(odd_units(streams_of(samples[:1000], wrong)))
+    assert not list(odd_units(put_into(samples[:1000], wrong)))
     assert not list(odd_units({}))
     nothing = [replace(s, clearance=np.nan) for s in samples if isinstance(s, RadarSample)]
     assert not list(odd_units(streams_of(nothing)))
@@ -93,12 +90,12 @@ def test_a_stamp_far_ahead_and_time_that_begins_again_are_no_contradiction() -> 
     ahead = [replace(s, stamp=s.stamp + 2**60) if k == 500 else s for k, s in enumerate(samples)]
     assert not list(odd_units(streams_of(ahead)))
     assert not list(odd_units(streams_of([*samples, *samples])))
-    twice = odd_units(streams_of([*samples, *samples], scaled(velocity=-1.0)))
+    twice = odd_units(put_into([*samples, *samples], scaled(velocity=-1.0)))
     assert [line.partition(":")[0] for line in twice] == ["relative_velocity"]
 
 
 def test_who_reads_and_who_inspects_is_told(tmp_path: Path, capsys) -> None:
-    streams = streams_of(generate_drive("stop-and-go", 1, "esr").samples, scaled(speed=3.6))
+    streams = put_into(generate_drive("stop-and-go", 1, "esr").samples, scaled(speed=3.6))
     file = tmp_path / "km_per_h.mcap"
     write_drive(make_drive("km_per_h", streams), file)
     (warning,) = read_drive(file).warnings

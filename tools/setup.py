@@ -179,7 +179,7 @@ def build_workspace(environment_is_new: bool) -> None:
     installed = WORKSPACE / "install" / "local_setup.bash"
     if not environment_is_new and installed.is_file() and not needed(file, digest):
         return
-    print("setup: building the workspace (half a minute)", flush=True)
+    print("setup: building the workspace (a minute)", flush=True)
     if environment_is_new:
         for folder in ("build", "install", "log"):
             shutil.rmtree(WORKSPACE / folder, ignore_errors=True)

@@ -97,7 +97,7 @@ def main_compile(arguments: list[str]) -> int:
     argparse.ArgumentParser(prog="compile_all", description=__doc__).parse_args(arguments)
     if (cache_folder() / COMPLETE).is_file():
         return 0
-    print("compile: the algorithm, once after a change (a minute)", flush=True)
+    print("compile: the algorithm, once after a change (a minute or two)", flush=True)
     started = time.perf_counter()
     # The robust profile takes two thirds of the time, all else the rest.
     with workers(2) as pool:

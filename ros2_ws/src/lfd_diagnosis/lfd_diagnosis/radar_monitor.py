@@ -466,9 +466,7 @@ def _suspect(radar, settings, signal, of_clearance, changed):
             rebase(radar.track, signal, measured.value, of_clearance)
             acquit(signal)
         elif is_bad(signal) and of_clearance and _leads_back(radar, settings):
-            go_over(radar, radar.measured_clearance.value, signal.noise.variance)
-            acquit(signal)
-            clear_path(radar.path)
+            _see_another_part(radar, radar.measured_clearance.value)
         elif is_bad(signal) and not of_clearance and _ends_a_drift(radar):
             _trust_both(radar)
         elif is_bad(signal) and not of_clearance and catches_up(radar, settings):
@@ -509,6 +507,15 @@ def _take_along(radar):
     set_clearance(track, measured.value, CLEARANCE_STD**2)
     radar.shifted_at = measured.at
     acquit(clearance)
+
+
+@inner
+def _see_another_part(radar, clearance):
+    """The clearance (m) lies on another part of the same car, and nobody is wrong."""
+    go_over(radar, clearance, CLEARANCE_STD**2)
+    acquit(radar.clearance)
+    radar.clearance.bias = 0.0
+    clear_path(radar.path)
 
 
 @inner
@@ -641,11 +648,7 @@ def _explain(radar, settings, difference, limit, reach):
     excess, noise = abs(difference) / limit, clearance.noise.variance
     explain_drift(path, settings, reach, excess, held, noise, drift)
     if drift.shifted:
-        # Another part of the same car: the track goes on from there.
-        go_over(radar, path.clearance, CLEARANCE_STD**2)
-        acquit(clearance)
-        clearance.bias = 0.0
-        clear_path(path)
+        _see_another_part(radar, path.clearance)
         return
     if not drift.told:
         return

@@ -165,7 +165,7 @@ def start_target(radar, settings):
     radar.host = radar.travelled_while_held = 0.0
     radar.lead_when_held = radar.changed_while_held = radar.most_changed = 0.0
     radar.clearance_when_held = radar.off_while_held = radar.expected_off = 0.0
-    radar.beside = radar.beside_when_held = radar.elsewhere = 0.0
+    radar.beside = radar.beside_when_held = 0.0
     radar.leapt_to_zero = False
     radar.sees_again_at = radar.shifted_at = -np.inf
     clear_path(radar.path)

@@ -10,7 +10,6 @@ import numpy as np
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, RADAR, RadarSample, Sample
 from lfd_mpc.sampling import AHEAD_NS
-from lfd_replay.units import odd_units
 
 LATEST = 2**31
 """Stamps are below so many s: a message's seconds are a signed number of 32 bits."""
@@ -37,6 +36,14 @@ class Drive:
     def count(self, name: str) -> int:
         """How many samples of one input there are."""
         return sum(sample.input == name for sample in self.samples)
+
+
+def streams_of(samples: Iterable[Sample]) -> dict[str, list[Sample]]:
+    """Samples by input, each in the order in which they are played."""
+    streams: dict[str, list[Sample]] = {}
+    for sample in samples:
+        streams.setdefault(sample.input, []).append(sample)
+    return streams
 
 
 def make_drive(name: str, streams: dict[str, list[Sample]]) -> Drive:
@@ -144,7 +151,6 @@ def _oddities(streams: dict[str, list[Sample]]) -> Iterable[str]:
                 yield f"{count} {name} stamps are {what}"
         if len(gaps) and gaps.max() > AHEAD_NS:
             yield f"{name} is silent for up to {gaps.max() * 1e-9:.2f} s"
-    yield from odd_units(streams)
 
 
 def _finite(sample: Sample) -> bool:

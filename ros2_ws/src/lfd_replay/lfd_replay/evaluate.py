@@ -21,7 +21,7 @@ from lfd_replay.command_line import (
     result_table,
     warn,
 )
-from lfd_replay.drive import Drive
+from lfd_replay.drive import Drive, streams_of
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate_many import drives_of, evaluate_all, many_table, say_failures
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
@@ -74,11 +74,8 @@ def _not_judged(drive: Drive, result: dict) -> list[str]:
     never = [name for name, own in result["sensors"].items() if not own["ready_fraction"]]
     if not never:
         return []
-    streams: dict[str, list[Sample]] = {}
-    for sample in drive.samples:
-        streams.setdefault(sample.input, []).append(sample)
     what = f"never ready: {', '.join(never)}" if result["steps"] else "no steps: nothing was judged"
-    missing = inspect_streams(streams)["missing"]
+    missing = inspect_streams(streams_of(drive.samples))["missing"]
     return [f"{what} ({'; '.join(missing)})" if missing else what]
 
 

@@ -1,13 +1,12 @@
 """import_drive: what a car has recorded becomes one drive."""
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, INPUTS
 from lfd_replay.command_line import warn
-from lfd_replay.drive import Drive, make_drive
+from lfd_replay.drive import Drive
 from lfd_replay.drive_bag import write_drive
 from lfd_replay.drive_csv import ACCEL, SPEED, Table, scalar_stream
 from lfd_replay.errors import run_command
@@ -15,6 +14,7 @@ from lfd_replay.paths import refuse_to_overwrite
 from lfd_replay.read_drive import (
     ReadOptions,
     add_read_options,
+    as_read,
     files_read,
     read_as_recorded,
     read_options,
@@ -60,8 +60,7 @@ def join_drive(
             table, usual = extra_column(text, column)
             streams[name] = scalar_stream(table, usual, name)
             remarks += [f"{table.path}: {remark}" for remark in table.remarks]
-    drive = make_drive(str(recording), without_offset(recording, streams, options))
-    return replace(drive, warnings=(*remarks, *drive.warnings))
+    return as_read(recording, without_offset(recording, streams, options), remarks)
 
 
 def main_import(arguments: list[str]) -> int:

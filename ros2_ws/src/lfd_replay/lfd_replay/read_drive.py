@@ -1,7 +1,7 @@
 """Any drive by its path: CSV file, bag, CAN log or a folder of a public data set."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
@@ -19,6 +19,7 @@ from lfd_replay.recordings.can_log import SUFFIXES as CAN_SUFFIXES
 from lfd_replay.recordings.can_log import HostSignals, read_can_streams
 from lfd_replay.recordings.comma2k19 import is_segment, read_segment_streams
 from lfd_replay.recordings.recorded_messages import Mounting
+from lfd_replay.units import odd_units
 
 BAG_SUFFIXES = (".mcap", ".db3", ".bag")
 DRIVE_SUFFIXES = (*BAG_SUFFIXES, *CAN_SUFFIXES, ".csv")
@@ -256,9 +257,13 @@ def _felt_at_standstill(path: Path, felt: list[ScalarSample], driven: list[Sampl
 def read_drive(path: Path, options: ReadOptions | None = None) -> Drive:
     """Read a drive. Raises UserError with one clear line for anything that is not one."""
     with without_collector():
-        streams, remarks = read_streams(path, options)
-        drive = make_drive(str(path), streams)
-    return replace(drive, warnings=(*remarks, *drive.warnings))
+        return as_read(path, *read_streams(path, options))
+
+
+def as_read(path: Path, streams: dict[str, list[Sample]], remarks: Iterable[str]) -> Drive:
+    """A drive of what was read from a path, and all that there is to warn of. Raises UserError."""
+    drive = make_drive(str(path), streams)
+    return replace(drive, warnings=(*remarks, *drive.warnings, *odd_units(streams)))
 
 
 def _neighbours(path: Path) -> str:

@@ -1,7 +1,7 @@
 """Units and signs that inputs seem to be in: two pairs of them tell the same motion twice.
 
-A clearance changes by what its relative velocity makes in a second, and a speed by what the
-acceleration makes. Where one of a pair is a steady multiple of the other, it is in another unit, or
+A clearance changes by what its relative velocity makes of it, and a speed by what the acceleration
+makes. Where one of a pair is a steady multiple of the other, it is in another unit, or
 its sign is another one; a sensor's fault is no such thing all along.
 """
 
@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
 
 Array = NDArray[np.float64]
+
+KM_PER_H, MPH, FOOT, G = 1.0 / 3.6, 0.44704, 0.3048, 9.80665
+"""Units in m/s, m and m/s^2."""
 
 WINDOW_S = 2.0
 """Time over which the two are compared."""
@@ -38,20 +41,20 @@ KNOWN = 0.25
 """Share by which a ratio may differ from that of a unit that it is taken for."""
 
 OF_RADAR = {
-    1.0 / 3.6: "as if it was in km/h",
-    1.0 / 2.23694: "as if it was in mph",
-    0.3048: "as if it was in feet/s, or the clearance not in m",
-    3.28084: "as if the clearance was in feet",
+    KM_PER_H: "as if it was in km/h",
+    MPH: "as if it was in mph",
+    FOOT: "as if it was in feet/s, or the clearance not in m",
+    1.0 / FOOT: "as if the clearance was in feet",
 }
 """How much of what the relative velocity says the clearance changes by, and what that looks like.
 """
 
 OF_HOST = {
-    3.6: "as if the speed was in km/h",
-    2.23694: "as if the speed was in mph",
-    9.80665: "as if the acceleration was in g",
-    3.6 * 9.80665: "as if the speed was in km/h and the acceleration in g",
-    1.0 / 3.6: "as if the acceleration was in km/h per s",
+    1.0 / KM_PER_H: "as if the speed was in km/h",
+    1.0 / MPH: "as if the speed was in mph",
+    G: "as if the acceleration was in g",
+    G / KM_PER_H: "as if the speed was in km/h and the acceleration in g",
+    KM_PER_H: "as if the acceleration was in km/h per s",
 }
 """The same for speed and acceleration."""
 
@@ -59,7 +62,7 @@ OF_HOST = {
 def odd_units(streams: dict[str, list[Sample]]) -> Iterator[str]:
     """What contradicts the units and signs that are expected: a line for each pair that does."""
     said, made = _radar_changes(streams.get(RADAR, ()))
-    ratio = usual_ratio(said, made) if _changes(made) else None
+    ratio = _usual_ratio(said, made) if _changes(made) else None
     words = _named(ratio, OF_RADAR)
     if words:
         yield (
@@ -68,7 +71,7 @@ def odd_units(streams: dict[str, list[Sample]]) -> Iterator[str]:
         )
     said, made = _host_changes(streams)
     # It is the accelerometer that is noisy.
-    inverse = usual_ratio(made, said) if _changes(made) else None
+    inverse = _usual_ratio(made, said) if _changes(made) else None
     ratio = 1.0 / inverse if inverse else None
     words = _named(ratio, OF_HOST)
     if words:
@@ -83,7 +86,7 @@ def _changes(made: Array) -> bool:
     return len(made) >= LEAST_WINDOWS and (np.abs(made) >= LEAST_CHANGE).mean() >= MOVING
 
 
-def usual_ratio(known: Array, noisy: Array) -> float | None:
+def _usual_ratio(known: Array, noisy: Array) -> float | None:
     """By what `noisy` (n,) is a steady multiple of what is `known` better (n,); None where there is
     no such ratio."""
     count, ratio, off = int(KEPT * len(noisy)), 0.0, np.abs(noisy)

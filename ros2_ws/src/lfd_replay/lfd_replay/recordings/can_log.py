@@ -15,6 +15,7 @@ from lfd_replay.drive import LATEST
 from lfd_replay.errors import WrongOption
 from lfd_replay.recordings.esr import EsrDecoder, Scan, select_lead
 from lfd_replay.recordings.lead_selection import HostMotion, LeadSelector
+from lfd_replay.units import KM_PER_H, MPH, G
 
 if TYPE_CHECKING:
     import can
@@ -25,8 +26,8 @@ Frame = tuple[int, int, bytes]
 """Stamp in ns, identifier, data."""
 
 UNITS = {
-    "m/s": 1.0, "mps": 1.0, "km/h": 1 / 3.6, "kph": 1 / 3.6, "kmh": 1 / 3.6, "mph": 0.44704,
-    "m/s2": 1.0, "m/s^2": 1.0, "m/s²": 1.0, "mps2": 1.0, "g": 9.80665,
+    "m/s": 1.0, "mps": 1.0, "km/h": KM_PER_H, "kph": KM_PER_H, "kmh": KM_PER_H, "mph": MPH,
+    "m/s2": 1.0, "m/s^2": 1.0, "m/s²": 1.0, "mps2": 1.0, "g": G,
 }  # fmt: skip
 """Units of a DBC, in lower case, that are understood, in m/s or m/s^2."""
 
