@@ -25,7 +25,7 @@ def measure(count: int, folder: Path) -> list[Figure]:
     cores = os.cpu_count() or 1
 
     def evaluate(jobs: int) -> None:
-        results = evaluate_all(paths, question, evaluate_drive, None, jobs, None)
+        results = evaluate_all(paths, question, [], evaluate_drive, None, jobs, None)
         assert not any("error" in result for result in results)
 
     calls = {"one": lambda: evaluate(1), "all": lambda: evaluate(cores)}

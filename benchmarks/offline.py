@@ -1,5 +1,6 @@
 """A whole drive offline: from CSV against real time, from MCAP against reading it, and stepping."""
 
+import os
 import subprocess
 import sys
 import time
@@ -32,7 +33,7 @@ def _cold(csv: Path, folder: Path, root: Path) -> float:
     start = time.perf_counter()
     subprocess.run(
         [sys.executable, "-c", code, str(csv)],
-        env={**__import__("os").environ, "LFD_CACHE": str(folder)},
+        env={**os.environ, "LFD_CACHE": str(folder)},
         stdout=subprocess.DEVNULL,
         check=True,
         cwd=root,

@@ -1,6 +1,7 @@
 """One whole step in Python, as the nodes take it, against a bare matrix-vector product."""
 
 import gc
+import time
 import tracemalloc
 
 import numpy as np
@@ -13,8 +14,6 @@ from lfd_replay.profiles import PROFILES, graph_settings
 
 def _bare(rounds: int) -> float:
     """Seconds of the prediction's matrix (2N, N) times a vector (N,)."""
-    import time
-
     matrix, vector = np.ones((40, 20)), np.ones(20)
     seconds = []
     for _ in range(rounds):
@@ -26,8 +25,6 @@ def _bare(rounds: int) -> float:
 
 def _steps(graph: OfflineGraph, samples) -> list[float]:
     """Seconds of each step: of its samples, controller, bank and diagnosis."""
-    import time
-
     seconds, spent = [], 0.0
     for sample in samples:
         start = time.perf_counter()

@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 import rclpy
 from car import STEP_NS, Car
+from drives import long_drive
 from geometry_msgs.msg import AccelStamped, TwistStamped
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -58,9 +59,6 @@ from lfd_replay.offline import OfflineGraph
 from lfd_replay.player import PlayerNode, PlayOptions
 from lfd_replay.profiles import graph_settings
 from ros_support import REPLAY_ARGUMENTS, Graph, next_domain
-
-sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
-from drives import long_drive  # noqa: E402
 
 SOAK = os.environ.get("LFD_SOAK") == "1"
 ROOT = Path(__file__).parent.parent
