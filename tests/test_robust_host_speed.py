@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from robust_car import Car
 
+from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import Kind, State
 
 
@@ -251,6 +252,18 @@ def test_a_lie_of_the_lead_is_found_out_and_blames_no_one(host_speed: bool) -> N
     assert report.lead_acceleration.state == State.FAULT
     assert car.faults_since(start) == {"lead_acceleration"}
     assert report.acceleration.state == State.OK
+
+
+def test_a_lead_that_lied_is_believed_again_once_it_has_told_the_truth_for_long() -> None:
+    car = Car(lead=True)
+    car.drive(8.0)
+    assert car.drive(3.0, lead_acceleration=4.0).report.lead_acceleration.state == State.FAULT
+    start = car.number
+    needed = DiagnosisSettings().requalify_time
+    car.drive(needed + 1.0)
+    states = [outcome.report.lead_acceleration.state for outcome in car.outcomes[start:]]
+    assert needed <= 0.01 * states.index(State.OK) < needed + 1.0
+    assert states[-1] == State.OK
 
 
 def test_what_the_lead_said_longer_ago_tells_less() -> None:

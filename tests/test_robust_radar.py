@@ -304,10 +304,13 @@ def test_a_relative_velocity_that_comes_back_ends_the_drift_it_made(car: Car) ->
     assert not car.faults_since(start)
 
 
-def test_a_clearance_that_jumps_while_the_relative_velocity_stays_faulty_is_faulty(car) -> None:
+@pytest.mark.parametrize("offset", [4.0, 2.0, -2.0])
+def test_a_clearance_that_jumps_while_the_relative_velocity_stays_faulty_is_faulty(
+    car: Car, offset: float
+) -> None:
     car.drive(1.0, relative_velocity=2.0)
     start = car.number
-    car.drive(1.0, relative_velocity=2.0, clearance=4.0)
+    car.drive(1.0, relative_velocity=2.0, clearance=offset)
     assert "clearance" in car.faults_since(start) and car.delay("clearance", start) <= 0.13
 
 

@@ -451,3 +451,16 @@ def test_a_radars_least_clearance_is_not_held(least: float, faults: set) -> None
     while car.clearance > 1.2:
         car.step(clearance_is=max(car.clearance, least))
     assert car.faults_since(start) - {"radar"} == faults
+
+
+@pytest.mark.parametrize("speed_from", [0.0, 2.0])
+def test_an_accelerometer_that_never_says_anything_else_is_found(speed_from: float) -> None:
+    car = Car(host_speed=False)
+    if speed_from:
+        car.drive(speed_from, acceleration_is=0.03)
+    car.host_speed = True
+    for k in range(1200):
+        car.speed += 0.01 * 0.5 * sin(2.0 * pi * k / 400)
+        car.step(acceleration_is=0.03)
+    assert car.faults_since(0) == {"acceleration"}
+    assert car.outcomes[-1].report.acceleration.kind == Kind.HOLD

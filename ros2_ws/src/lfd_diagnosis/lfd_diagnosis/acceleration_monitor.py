@@ -489,7 +489,7 @@ def _requalify(monitor, settings, disagrees):
         jumped = seen and monitor.kind == Kind.OFFSET
         if jumped or (drifted and monitor.settling):
             monitor.slope = slope_after(monitor, settings)
-        elif not isnan(monitor.reference):
+        else:
             monitor.slope += monitor.reference - monitor.slope_before
         if not seen:
             # What the slope is by now nobody has seen.

@@ -64,10 +64,9 @@ def follow_leap(leap, at, clearance, velocity, jump, off, deviation, stands):
     """Take one scan that disagrees: time (s), its clearance (m) and relative velocity (m/s), by how
     much it leaves the former one (m) and is off in velocity (m/s), of which a healthy one deviates
     by so much; whether it stands."""
-    far = is_far(jump) and abs(off) > max(MOVED * deviation, LEAST_MOVED)
-    far = far or (stands and abs(jump) > FAR_STANDING)
     if not leap.scans:
-        leap.since, leap.far = at, far
+        far = is_far(jump) and abs(off) > max(MOVED * deviation, LEAST_MOVED)
+        leap.since, leap.far = at, far or (stands and abs(jump) > FAR_STANDING)
         _restart_leap(leap, clearance)
     else:
         period = at - leap.then
@@ -76,7 +75,6 @@ def follow_leap(leap, at, clearance, velocity, jump, off, deviation, stands):
         leap.scans += 1
         # Targets may follow one another at once.
         if is_far(clearance - leap.clearance - leap.way):
-            leap.far = leap.far or far
             _restart_leap(leap, clearance)
     leap.then, leap.velocity, leap.off = at, velocity, off
 

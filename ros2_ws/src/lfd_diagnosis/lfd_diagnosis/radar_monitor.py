@@ -111,9 +111,6 @@ LEANING, LEANS = 3, 2.0
 CORRELATION = 3.0
 """Seconds over which the lead's acceleration is known when it is not measured."""
 
-GROWN = 0.75
-"""Share of the present residual that the first bad one is where it still grows."""
-
 SAME_SCAN = 1.5
 """Scans before the newest one in which both signals jumped if they did so at once."""
 
@@ -450,10 +447,8 @@ def _suspect(radar, settings, signal, of_clearance, changed):
         return
     stuck = settings.check_repetition and is_stuck(radar, settings, signal, of_clearance, changed)
     if signal.confidence >= settings.scan_confidence_threshold:
-        has_path = of_clearance and radar.path.count > 0
-        gradual = has_path and _is_gradual(radar, settings)
-        growing = has_path and _is_growing(radar, settings)
-        if stuck and (gradual or growing):
+        gradual = of_clearance and radar.path.count > 0 and _is_gradual(radar, settings)
+        if stuck and gradual:
             _convict_stuck(radar, settings, signal, of_clearance)
         elif of_clearance and _shifts_without_path(radar, settings):
             _take_along(radar)
@@ -472,8 +467,7 @@ def _suspect(radar, settings, signal, of_clearance, changed):
         elif is_bad(signal) and not of_clearance and catches_up(radar, settings):
             rebase(radar.track, signal, radar.measured_velocity.value, False)
             acquit(signal)
-        elif is_bad(signal) and not growing and not may_be_outliers(signal):
-            # What grows is left to the path; what waited for it and came back was none.
+        elif is_bad(signal) and not may_be_outliers(signal):
             give_ground(signal.because, Ground.RESIDUAL, signal.residual, signal.limit, 0.0)
             _convict(radar, settings, signal, Kind.OFFSET)
             _take_bias(radar, settings, of_clearance)
@@ -587,19 +581,8 @@ def _jumped(signal):
 def _is_gradual(radar, settings):
     """Whether the clearance goes out of its limits little by little."""
     signal = radar.clearance
-    if not settings.check_drift or not signal.first.count:
-        return False
-    return signal.residual_before * signal.residual > 0.0 and not _jumped(signal)
-
-
-@inner
-def _is_growing(radar, settings):
-    """Whether the clearance, out of its limits, goes on from there: no fault that jumps does."""
-    signal = radar.clearance
-    if not settings.check_drift or not signal.first.count:
-        return False
-    first, now = at(signal.first, 0), signal.residual
-    return not _jumped(signal) and first * now > 0.0 and abs(first) < GROWN * abs(now)
+    goes_on = signal.residual_before * signal.residual > 0.0
+    return settings.check_drift and goes_on and not _jumped(signal)
 
 
 @inner
@@ -613,14 +596,8 @@ def _convict(radar, settings, signal, kind):
 def _follow_path(radar, settings):
     """Hold the clearance against the path that the relative velocity makes."""
     clearance, velocity, path = radar.clearance, radar.velocity, radar.path
-    if is_bad(velocity):
+    if is_bad(velocity) or (is_bad(clearance) and not _is_gradual(radar, settings)):
         return
-    if is_bad(clearance) and not _is_gradual(radar, settings):
-        if not _is_growing(radar, settings):
-            return
-        if path.count and is_new(clearance.last_at, path.then):
-            # The first bad one could have been an outlier.
-            follow_path(path, settings, clearance.last_at, clearance.last, velocity.last, 0.0)
     limit = path_limit(path, settings, widening(radar), resolution_of(clearance.roughness))
     follow_path(
         path,

@@ -203,7 +203,7 @@ def size_of(signal):
 @inner
 def is_known_offset(signal):
     """Whether it is healthy, or off by a jump that was measured."""
-    return not signal.faulty or (signal.kind == Kind.OFFSET and isfinite(signal.size))
+    return not signal.faulty or signal.kind == Kind.OFFSET
 
 
 @inner
@@ -420,8 +420,6 @@ def has_stopped(signal, time, duration):
     history, first, count = signal.history, signal.history_first, signal.history_count
     newest = (first + count - 1) % HISTORY
     if not count or time - history[newest, 0] >= 2.0 * duration / HISTORY:
-        if count == HISTORY:
-            first, count = (first + 1) % HISTORY, count - 1
         newest = (first + count) % HISTORY
         history[newest, 0], history[newest, 1] = time, signal.residual
         count += 1
@@ -442,7 +440,7 @@ def drifts_by(signal, duration):
     """How fast a drift went on over the last seconds, in the signal's unit per s; NaN where that is
     not known."""
     history, first, count = signal.history, signal.history_first, signal.history_count
-    if signal.kind != Kind.RAMP or not count:
+    if signal.kind != Kind.RAMP:
         return np.nan
     newest = (first + count - 1) % HISTORY
     time = history[newest, 0]

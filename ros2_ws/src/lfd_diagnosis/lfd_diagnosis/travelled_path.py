@@ -314,7 +314,7 @@ def _is_sudden(times, off):
     """Whether most of the difference came within the last moment: it may not be over yet."""
     n = len(times)
     before = 0
-    while before < n - 1 and times[before + 1] <= -SUDDEN:
+    while times[before + 1] <= -SUDDEN:
         before += 1
     whole = off[n - 1] - off[:SHIFT_POINTS].mean()
     return abs(off[n - 1] - off[before]) > SUDDEN_SHARE * abs(whole)
