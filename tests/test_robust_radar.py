@@ -314,6 +314,20 @@ def test_a_clearance_that_jumps_while_the_relative_velocity_stays_faulty_is_faul
     assert "clearance" in car.faults_since(start) and car.delay("clearance", start) <= 0.13
 
 
+@pytest.mark.parametrize("acceleration", [-2.0, -1.0, 1.0, 2.0])
+def test_a_fault_ends_though_its_reference_has_gone_astray_where_limits_are_narrow(
+    acceleration: float,
+) -> None:
+    """What the lead does meanwhile nobody sees: the track is left behind from scan to scan."""
+    car = Car(clearance_floor=0.3, relative_velocity_floor=0.1, largest_shift=0.0, jerk_density=0.5)
+    car.clearance = 60.0
+    car.drive(8.0)
+    car.lead_acceleration = acceleration
+    car.drive(4.0, clearance=4.0, relative_velocity=-10.0)
+    report = car.drive(1.0).report
+    assert report.clearance.state == report.relative_velocity.state == State.OK
+
+
 def test_a_lead_that_braked_all_along_ends_no_fault_later(car: Car) -> None:
     """What it did while nothing told of it is in what the relative velocity said."""
     both = {"clearance": 4.0, "relative_velocity": -10.0}

@@ -389,7 +389,7 @@ def returned_to(signal, said, repeated):
     told = doubt <= MOST_DOUBT * abs(offset) and tolerance < abs(offset)
     if recent.count < before + after or not told:
         return np.nan, np.nan
-    jump, level, apart, seen, _ = _levels(recent, before, after)
+    jump, level, apart, seen, drift = _levels(recent, before, after)
     if abs(jump + offset) >= tolerance or apart >= tolerance:
         return np.nan, np.nan
     # The reference itself may have jumped: one that is coasted follows the other signal's noise.
@@ -409,7 +409,10 @@ def returned_to(signal, said, repeated):
     start_ring(signal.said, BEFORE + AFTER)
     signal.came_back = True
     restart_agreement(signal)
-    return level, rise
+    # The median lies in their middle; a reference that was coasted has gone on since, by no more
+    # than they lie apart.
+    since = 0.5 * (after - 1) * drift
+    return level + max(-apart, min(apart, since)), rise
 
 
 @inner
