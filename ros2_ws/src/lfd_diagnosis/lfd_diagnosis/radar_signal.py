@@ -38,7 +38,7 @@ FEW_BEFORE, FEW_AFTER, FEW_DOUBT = 6, 3, 5.4
 """Residuals that a jump back must stand out from, those that must have jumped, and four deviations
 of what is then found for it, in those of the sensor's noise."""
 
-BEFORE, AFTER, DOUBT = 12, 4, 3.9
+BEFORE, AFTER, DOUBT = 12, 5, 3.9
 """The same where the noise is not small against the jump."""
 
 LAST, SEEN = 3, 0.5
