@@ -328,6 +328,15 @@ def test_a_fault_ends_though_its_reference_has_gone_astray_where_limits_are_narr
     assert report.clearance.state == report.relative_velocity.state == State.OK
 
 
+@pytest.mark.parametrize("seed", [1, 10, 12, 23])
+def test_the_end_of_a_fault_that_noise_is_not_small_against_is_no_level_between(seed: int) -> None:
+    car = Car(clearance_floor=0.3, relative_velocity_floor=0.1, largest_shift=0.0)
+    car.random = np.random.default_rng(seed)
+    car.drive(8.0)
+    assert car.drive(4.0 + 0.01 * seed, clearance=-0.5).report.clearance.state == State.FAULT
+    assert car.drive(1.5).report.clearance.state == State.OK
+
+
 def test_a_lead_that_braked_all_along_ends_no_fault_later(car: Car) -> None:
     """What it did while nothing told of it is in what the relative velocity said."""
     both = {"clearance": 4.0, "relative_velocity": -10.0}
