@@ -8,6 +8,7 @@ from robust_car import SCAN, Car
 
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import Kind, State
+from lfd_replay.evaluation.comparison import SMOOTH_RADAR
 
 
 def test_a_reference_that_wanders_to_a_faulty_relative_velocity_does_not_end_its_fault(car) -> None:
@@ -319,7 +320,7 @@ def test_a_fault_ends_though_its_reference_has_gone_astray_where_limits_are_narr
     acceleration: float,
 ) -> None:
     """What the lead does meanwhile nobody sees: the track is left behind from scan to scan."""
-    car = Car(clearance_floor=0.3, relative_velocity_floor=0.1, largest_shift=0.0, jerk_density=0.5)
+    car = Car(**SMOOTH_RADAR)
     car.clearance = 60.0
     car.drive(8.0)
     car.lead_acceleration = acceleration
@@ -330,7 +331,7 @@ def test_a_fault_ends_though_its_reference_has_gone_astray_where_limits_are_narr
 
 @pytest.mark.parametrize("seed", [1, 10, 12, 23])
 def test_the_end_of_a_fault_that_noise_is_not_small_against_is_no_level_between(seed: int) -> None:
-    car = Car(clearance_floor=0.3, relative_velocity_floor=0.1, largest_shift=0.0)
+    car = Car(**SMOOTH_RADAR)
     car.random = np.random.default_rng(seed)
     car.drive(8.0)
     assert car.drive(4.0 + 0.01 * seed, clearance=-0.5).report.clearance.state == State.FAULT

@@ -411,8 +411,8 @@ def returned_to(signal, said, repeated):
     restart_agreement(signal)
     # The median lies in their middle; a reference that was coasted has gone on since, by no more
     # than they lie apart.
-    since = 0.5 * (after - 1) * drift
-    return level + max(-apart, min(apart, since)), rise
+    gone_on = 0.5 * (after - 1) * drift
+    return level + max(-apart, min(apart, gone_on)), rise
 
 
 @inner
