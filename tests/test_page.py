@@ -36,7 +36,7 @@ def record(fault: str) -> Recording:
     faults = parse_faults([fault] if fault else [])
     samples = FaultInjector(faults, 0, seed=0).apply(drive(4.0))
     steps = OfflineGraph(SETTINGS).run(samples)
-    return Recording([RecordedStep(s.horizon, s.bank, s.outcome.report) for s in steps], 0, faults)
+    return Recording([RecordedStep.offline(s) for s in steps], 0, faults)
 
 
 def case(key: str, fault: str) -> Figure:

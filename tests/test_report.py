@@ -16,20 +16,19 @@ from lfd_replay.report import write_report
 from lfd_replay.score import score, timeline
 
 
-def recorded(fault: str) -> tuple[list[Fault], list[RecordedStep]]:
+def recorded(fault: str, profile: str = "paper") -> tuple[list[Fault], list[RecordedStep]]:
     faults = parse_faults([fault])
     samples = FaultInjector(faults, 0, seed=0).apply(drive(3.0))
     steps = [
-        RecordedStep(step.horizon, step.bank, step.outcome.report)
-        for step in OfflineGraph(graph_settings("paper")).run(samples)
+        RecordedStep.offline(step) for step in OfflineGraph(graph_settings(profile)).run(samples)
     ]
     return faults, steps
 
 
-def make_page(folder: Path, fault: str) -> str:
-    faults, steps = recorded(fault)
+def make_page(folder: Path, fault: str, profile: str = "paper") -> str:
+    faults, steps = recorded(fault, profile)
     sensors = score(timeline((step.report for step in steps), 0), faults)
-    path = write_report(folder, "a <drive> & more", steps, 0, faults, sensors)
+    path = write_report(folder, "a <drive> & more", steps, 0, faults, sensors, profile)
     assert [file.name for file in folder.iterdir()] == [path.name]
     return path.read_text()
 
@@ -81,5 +80,5 @@ def test_the_panel_of_verdicts_shows_each_state(fault: str, state: State) -> Non
 
 
 def test_a_drive_without_steps_says_so(tmp_path: Path) -> None:
-    page = write_report(tmp_path, "nothing", [], 0, [], {}).read_text()
+    page = write_report(tmp_path, "nothing", [], 0, [], {}, "robust").read_text()
     assert "There is no step" in page

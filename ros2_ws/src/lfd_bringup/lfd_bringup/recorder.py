@@ -10,7 +10,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu
 
 from lfd_diagnosis.diagnosis_node import EVENT_QOS
-from lfd_diagnosis.verdict import Event, Report
+from lfd_diagnosis.verdict import Event, Reconstruction, Report
 from lfd_mpc.horizon import Horizon
 from lfd_mpc.messages import from_message, from_time
 from lfd_mpc.node_support import PIPELINE_QOS, ReadyAnnouncer
@@ -96,10 +96,14 @@ class RecorderNode(Node):
         horizons = [from_message(Horizon, m) for m in self.messages("mpc/horizon")]
         banks = {m.step: from_message(BankState, m) for m in self.messages("observer/bank")}
         reports = {m.step: from_message(Report, m) for m in self.messages("diagnosis/faults")}
+        rebuilt = {
+            m.step: from_message(Reconstruction, m)
+            for m in self.messages("diagnosis/reconstructed")
+        }
         return [
-            RecordedStep(horizon, banks.get(horizon.step), reports[horizon.step])
-            for horizon in horizons
-            if horizon.step in reports
+            RecordedStep(h, banks.get(h.step), reports[h.step], rebuilt.get(h.step))
+            for h in horizons
+            if h.step in reports
         ]
 
     def write(self, folder: Path) -> tuple[int, int]:

@@ -139,7 +139,7 @@ def main_replay(arguments: list[str], joined: float) -> int:
             speed = player.total / wall
             console.print(f"played {player.total:.1f} s in {wall:.1f} s ({speed:.1f} x real time)")
         with interruptible():
-            _leave(options.out, drive, faults, recorder, console)
+            _leave(options.out, drive, faults, recorder, options.profile, console)
     finally:
         executor.shutdown()
         for node in nodes:
@@ -192,7 +192,12 @@ def write_bag(recorder: RecorderNode, bag: Path) -> None:
 
 
 def _leave(
-    out: Path, drive: Drive, faults: list[Fault], recorder: RecorderNode, console: Console
+    out: Path,
+    drive: Drive,
+    faults: list[Fault],
+    recorder: RecorderNode,
+    profile: str,
+    console: Console,
 ) -> None:
     """Bag, report and summary."""
     # What draws is loaded when there is something to draw, not before the first report.
@@ -203,6 +208,6 @@ def _leave(
     line = timeline((step.report for step in steps), drive.zero)
     write_text(out / "summary.json", json.dumps(score(line, faults), indent=1) + "\n")
     sensors = shown(line, faults)
-    report = write_report(out, drive.name, steps, drive.zero, faults, sensors)
+    report = write_report(out, drive.name, steps, drive.zero, faults, sensors, profile)
     print_table(result_table(sensors, f"{len(steps)} steps"))
     console.print(f"bag: {out / 'bag'}   report: {report}", highlight=False)

@@ -138,7 +138,7 @@ def main_simulate(arguments: list[str]) -> int:
             if vehicle.error is not None:
                 print(vehicle.error, file=sys.stderr)
             with interruptible():
-                _leave(options.out, lead_text, recorder, faults, console)
+                _leave(options.out, lead_text, recorder, faults, options.profile, console)
             if vehicle.status:
                 return vehicle.status
         finally:
@@ -171,7 +171,9 @@ def _run_to_the_end(
     return True
 
 
-def _leave(out: Path, lead: str, recorder: RecorderNode, faults: list, console: Console) -> None:
+def _leave(
+    out: Path, lead: str, recorder: RecorderNode, faults: list, profile: str, console: Console
+) -> None:
     """Bag, report, page and summary; where nothing was judged, the bag alone."""
     from lfd_replay.report import write_report
     from lfd_vehicle.watch_page import TOPICS, write_watch_page
@@ -188,7 +190,8 @@ def _leave(out: Path, lead: str, recorder: RecorderNode, faults: list, console: 
     summary = {"lead": lead, "safety": safety.figures(), "sensors": score(line, faults)}
     write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
     sensors = shown(line, faults)
-    report = write_report(out, f"closed loop behind {lead}", steps, 0, faults, sensors)
+    title = f"closed loop behind {lead}"
+    report = write_report(out, title, steps, 0, faults, sensors, profile)
     page = write_watch_page(out / "bag", out / "watch.html", faults)
     print_table(result_table(sensors, f"{len(steps)} steps"))
     _print_safety(safety, console)

@@ -114,8 +114,10 @@ def _report_drive(drive: Drive, question: Question, sensors: dict, folder: Path)
     # plotly is loaded when there is something to draw: other commands use this module, too.
     from lfd_replay.report import write_report
 
-    recorded = [RecordedStep(step.horizon, step.bank, step.outcome.report) for step in steps]
-    write_report(folder, drive.name, recorded, drive.zero, question.faults, sensors)
+    recorded = [RecordedStep.offline(step) for step in steps]
+    write_report(
+        folder, drive.name, recorded, drive.zero, question.faults, sensors, question.profile
+    )
 
 
 def main_evaluate(arguments: list[str]) -> int:

@@ -9,11 +9,12 @@ from lfd_diagnosis.verdict import SIGNALS, State
 from lfd_replay.drawing.figure_page import figure_html, table_html, write_page
 from lfd_replay.drawing.figures import Figure
 from lfd_replay.drawing.panels import (
+    INDEXED,
     Recording,
     acceleration_panel,
     confidence_panel,
     index_panel,
-    measured_panel,
+    sensor_panel,
     verdict_panel,
 )
 from lfd_replay.faults import Fault
@@ -34,6 +35,7 @@ def write_report(
     zero: int,
     faults: list[Fault],
     sensors: dict[str, dict],
+    profile: str,
 ) -> Path:
     """Write `report.html` into a folder and return its path.
 
@@ -44,7 +46,7 @@ def write_report(
     if steps:
         body += [
             table_html(SUMMARY_COLUMNS, summary_rows(sensors)),
-            figure_html(_figure(Recording(steps, zero, faults))),
+            figure_html(_figure(Recording(steps, zero, faults), profile)),
             _changes(steps, zero),
         ]
     else:
@@ -54,19 +56,14 @@ def write_report(
     return path
 
 
-def _figure(recording: Recording) -> Figure:
-    panels = [
-        measured_panel(recording, "clearance", "m"),
-        measured_panel(recording, "relative_velocity", "m/s"),
-        acceleration_panel(recording),
-        index_panel(recording),
-        confidence_panel(recording),
-        verdict_panel(recording),
-    ]
-    says = (
-        "What was measured against what was predicted, the acceleration between its limits, "
-        "the indices and confidences with their thresholds (dashed), and the verdicts."
-    )
+def _figure(recording: Recording, profile: str) -> Figure:
+    panels = [sensor_panel(recording, signal) for signal in INDEXED]
+    says = "What was measured, and beneath it what it should be by everything but itself"
+    if profile == "paper":
+        panels.append(acceleration_panel(recording))
+        says += "; the acceleration between the limits of the observers"
+    panels += [index_panel(recording), confidence_panel(recording), verdict_panel(recording)]
+    says += "; the indices and confidences with their thresholds (dashed), and the verdicts."
     return Figure("drive", "The drive", says, panels)
 
 

@@ -8,7 +8,9 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Canvas
 
 from lfd_replay.drawing.figures import (
+    BAND_ALPHA,
     INJECTED,
+    Band,
     Bars,
     Figure,
     HeatMap,
@@ -18,6 +20,7 @@ from lfd_replay.drawing.figures import (
     Panel,
     Points,
     Spans,
+    stretches,
     thinned,
 )
 
@@ -108,6 +111,10 @@ def _mark(axes, mark: Mark) -> None:
         style = "--" if mark.dashed else "-"
         text = mark.name if mark.legend else None
         axes.plot(x, y, style, color=mark.colour, lw=0.7 * mark.width, label=text)
+    elif isinstance(mark, Band):
+        for x, low, high in stretches(mark):
+            axes.fill_between(x, low, high, color=mark.colour, alpha=BAND_ALPHA, lw=0)
+        axes.fill_between([], [], color=mark.colour, alpha=BAND_ALPHA, lw=0, label=mark.name)
     elif isinstance(mark, Points):
         errors = None
         if mark.low is not None and mark.high is not None:

@@ -11,7 +11,9 @@ from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
 from lfd_replay.drawing.figures import (
+    BAND_ALPHA,
     INJECTED,
+    Band,
     Bars,
     Figure,
     HeatMap,
@@ -21,6 +23,7 @@ from lfd_replay.drawing.figures import (
     Panel,
     Points,
     Spans,
+    stretches,
     thinned,
 )
 from lfd_replay.text_file import write_text
@@ -111,6 +114,17 @@ def _traces(mark: Mark) -> list[Any]:
             go.Scatter(
                 x=_small(x), y=_small(y), name=mark.name, mode="lines", line=style,
                 showlegend=mark.legend,
+            )
+        ]  # fmt: skip
+    if isinstance(mark, Band):
+        # Around each stretch and back; what follows a gap is an outline of its own.
+        around = [(np.r_[x, x[::-1], np.nan], np.r_[low, high[::-1], np.nan])
+                  for x, low, high in stretches(mark)] or [([None], [None])]  # fmt: skip
+        x, y = (np.concatenate(parts) for parts in zip(*around, strict=True))
+        return [
+            go.Scatter(
+                x=_small(x), y=_small(y), name=mark.name, mode="lines", line={"width": 0},
+                fill="toself", fillcolor=mark.colour, opacity=BAND_ALPHA, hoverinfo="skip",
             )
         ]  # fmt: skip
     if isinstance(mark, Points):

@@ -35,6 +35,9 @@ SHADES = ("#D0D0D0", "#B8B8B8", "#A0A0A0", "#888888", "#606060", "#303030")
 INJECTED = "#E6B800"
 FAULTY, SUSPECTED, SILENT, UNJUDGED = "#B22222", "#F0A090", "#7A3FA0", "#D9D9D9"
 
+BAND_ALPHA = 0.35
+"""How much of the paper a band covers."""
+
 POINTS = 2000
 """A line is thinned to about so many points: finer than a screen, and small enough for a page."""
 
@@ -50,6 +53,17 @@ class Line:
     width: float = 1.2
     dashed: bool = False
     legend: bool = True
+
+
+@dataclass(frozen=True)
+class Band:
+    """The ground between `low` and `high` (n,) over `x` (n,); NaN interrupts it."""
+
+    name: str
+    x: Array
+    low: Array
+    high: Array
+    colour: str
 
 
 @dataclass(frozen=True)
@@ -107,7 +121,7 @@ class Limit:
     colour: str
 
 
-Mark = Line | Points | Bars | HeatMap | Spans | Limit
+Mark = Line | Band | Points | Bars | HeatMap | Spans | Limit
 
 
 @dataclass(frozen=True)
@@ -140,6 +154,23 @@ class Figure:
     says: str
     panels: list[Panel]
     columns: int = 1
+
+
+def stretches(band: Band) -> list[tuple[Array, Array, Array]]:
+    """What a band is drawn of: x, low and high of each stretch without NaN, thinned to their
+    extremes."""
+    there = np.isfinite(band.low) & np.isfinite(band.high)
+    edges = np.flatnonzero(np.diff(there.astype(np.int8), prepend=0, append=0))
+    width = -(-len(band.x) // POINTS)
+    found = []
+    for start, end in edges.reshape(-1, 2):
+        first = np.arange(start, end, width)
+        low = np.minimum.reduceat(band.low[:end], first)
+        high = np.maximum.reduceat(band.high[:end], first)
+        x = band.x[first].copy()
+        x[-1] = band.x[end - 1]
+        found.append((x, low, high))
+    return found
 
 
 def thinned(x: Array, y: Array) -> tuple[Array, Array]:

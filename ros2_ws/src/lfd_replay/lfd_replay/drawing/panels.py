@@ -1,6 +1,7 @@
 """Panels of a drive through the graph: measured, limits, indices, verdicts."""
 
 from collections.abc import Sequence
+from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from lfd_replay.drawing.figures import (
     SILENT,
     SUSPECTED,
     UNJUDGED,
+    Band,
     HeatMap,
     Limit,
     Line,
@@ -35,6 +37,10 @@ Array = NDArray[np.float64]
 
 TIME = "drive time (s)"
 INDEXED = ("clearance", "relative_velocity", "acceleration")
+UNITS = {"clearance": "m", "relative_velocity": "m/s", "acceleration": "m/s²"}
+
+COVERS = 1.96
+"""Standard deviations within which 95 % of a normal distribution lie."""
 
 SAID = {
     "FAULT": ((State.FAULT,), FAULTY),
@@ -71,6 +77,11 @@ class Recording:
     def lags(self) -> list[int]:
         """Lags of the bank's observers in steps."""
         return next(([int(x) for x in s.bank.lags] for s in self.steps if s.bank is not None), [])
+
+    def reconstructed(self, field: str) -> Array:
+        """One field (n,) of the reconstructions, NaN where it is not valid or was lost."""
+        steps = (step.reconstruction for step in self.steps)
+        return np.array([nan if s is None else getattr(s, field) for s in steps], dtype=float)
 
     def verdict(self, signal: str, field: str) -> Array:
         """One field (n,) of the verdicts on a signal."""
@@ -112,6 +123,28 @@ def measured_panel(recording: Recording, signal: str, unit: str) -> Panel:
                 recording.horizon(signal),
                 COLOURS[signal],
             ),
+        ],
+        shaded=recording.truth(signal),
+    )
+
+
+def sensor_panel(recording: Recording, signal: str) -> Panel:
+    """A signal as measured, where it is called faulty, and as it is reconstructed."""
+    time, unit = recording.time, UNITS[signal]
+    stale = recording.horizon(f"{signal}_stale") > 0
+    measured = np.where(stale, np.nan, recording.horizon(f"measured_{signal}"))
+    faulty = recording.verdict(signal, "state") == State.FAULT
+    value = recording.reconstructed(signal)
+    off = COVERS * recording.reconstructed(f"{signal}_std")
+    return Panel(
+        f"{label(signal)} ({unit})",
+        TIME,
+        unit,
+        [
+            Band("95 % of what it should be", time, value - off, value + off, GREY),
+            Line("reconstructed: what it should be", time, value, DARK),
+            Line(f"{label(signal)}, measured", time, measured, COLOURS[signal]),
+            Line("called faulty", time, np.where(faulty, measured, np.nan), FAULTY),
         ],
         shaded=recording.truth(signal),
     )

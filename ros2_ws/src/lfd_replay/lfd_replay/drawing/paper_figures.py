@@ -21,6 +21,7 @@ from lfd_replay.drawing.figures import (
 from lfd_replay.drawing.panels import (
     INDEXED,
     TIME,
+    UNITS,
     Recording,
     acceleration_panel,
     contour_panels,
@@ -32,8 +33,6 @@ from lfd_replay.drawing.panels import (
 )
 
 Array = NDArray[np.float64]
-
-UNITS = {"clearance": "m", "relative_velocity": "m/s", "acceleration": "m/s²"}
 
 
 def case_figure(

@@ -44,7 +44,7 @@ def figures_of_case(
     drive, steps, _ = run_case(case, 0.0, settings, recorded)
     faults = parse_faults(case.fault_texts(0.0))
     recording = Recording(
-        [RecordedStep(step.horizon, step.bank, step.outcome.report) for step in steps],
+        [RecordedStep.offline(step) for step in steps],
         drive.zero,
         faults,
     )
