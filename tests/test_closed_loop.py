@@ -18,7 +18,6 @@ from lfd_bringup.recorder import LOOP_TOPICS, RecorderNode
 from lfd_bringup.replay import INTERRUPTED, write_bag
 from lfd_diagnosis.decision_node import DecisionNode
 from lfd_diagnosis.diagnosis_node import DiagnosisNode
-from lfd_diagnosis.verdict import Report
 from lfd_mpc.decision import Decision
 from lfd_mpc.driving import DrivingState
 from lfd_mpc.errors import UserError
@@ -81,14 +80,17 @@ def test_the_closed_loop_in_lockstep_gives_what_it_gives_without_ros(profile: st
         recorder = lived(graph, profile, LEAD, FAULT)
         kinds = {"mpc/driving": DrivingState, "diagnosis/decision": Decision}
         live = {t: [from_message(k, m) for m in recorder.messages(t)] for t, k in kinds.items()}
-        reports = [from_message(Report, m) for m in recorder.messages("diagnosis/faults")]
+        steps = recorder.steps()
         truth = recorder.messages("vehicle/truth")
-    assert len(own) == len(live["mpc/driving"]) == len(reports)
+    assert len(own) == len(live["mpc/driving"]) == len(steps)
     for k, step in enumerate(own):
         found = difference(live["mpc/driving"][k], step.driving)
         found = found or difference(live["diagnosis/decision"][k], step.decision)
-        found = found or difference(reports[k], step.report)
+        found = found or difference(steps[k].report, step.report)
         assert not found, f"step {k}: {found}"
+    for step in steps:
+        assert step.bank and step.reconstruction, "nothing is lost in lockstep"
+        assert step.bank.stamp == step.reconstruction.stamp == step.report.stamp
     end = truth[-1]
     assert end.step == loop.world.steps and end.clearance == loop.world.moment.clearance
     assert any(step.decision.level for step in own), "the fault is acted on"

@@ -11,7 +11,7 @@ from test_live_equals_offline import drive
 
 from lfd_replay.drawing.figure_files import write_figure
 from lfd_replay.drawing.figure_page import cases_html, figure_html, table_html, write_page
-from lfd_replay.drawing.figures import POINTS, Figure, thinned
+from lfd_replay.drawing.figures import POINTS, Band, Figure, stretches, thinned
 from lfd_replay.drawing.panels import INDEXED, Recording, contour_panels
 from lfd_replay.drawing.paper_figures import (
     case_figure,
@@ -23,6 +23,7 @@ from lfd_replay.drawing.paper_figures import (
     mpc_figure,
     reconstruction_figure,
 )
+from lfd_replay.evaluation.examples import EXAMPLES, Example, example_panel
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import graph_settings
@@ -191,3 +192,30 @@ def test_a_thinned_line_keeps_its_extremes() -> None:
     assert np.nanmax(few_y) == 9.0 and np.nanmin(few_y) == -9.0
     assert few_x[np.nanargmax(few_y)] == 777 and np.isnan(few_y).any()
     np.testing.assert_array_equal(thinned(x[:100], y[:100])[1], y[:100])
+
+
+def test_a_band_is_drawn_between_its_gaps_and_keeps_its_extremes() -> None:
+    x = np.arange(50_000.0)
+    low, high = -np.ones_like(x), np.ones_like(x)
+    low[777], high[4321] = -9.0, 9.0
+    low[100:200], high[20_000] = np.nan, np.nan
+    found = stretches(Band("", x, low, high, ""))
+    ends = [(float(part[0]), float(part[-1])) for part, _, _ in found]
+    assert ends == [(0.0, 99.0), (200.0, 19_999.0), (20_001.0, 49_999.0)]
+    assert sum(len(part) for part, _, _ in found) <= POINTS + len(found)
+    assert min(low.min() for _, low, _ in found) == -9.0
+    assert max(high.max() for _, _, high in found) == 9.0
+    nothing = np.full(3, np.nan)
+    assert stretches(Band("", x[:3], nothing, nothing, "")) == []
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.title)
+def test_an_example_shows_a_fault_where_there_is_one(example: Example) -> None:
+    panel = example_panel(example)
+    (line,) = [mark for mark in panel.marks if mark.name == "called faulty"]
+    called = line.x[np.isfinite(line.y)]
+    assert panel.title == example.title and line.x[0] == pytest.approx(example.start, abs=0.02)
+    assert bool(panel.shaded) == bool(example.faults) == bool(len(called))
+    if example.faults:
+        (injected,) = panel.shaded
+        assert injected[0] < called[0] < injected[1] < called[-1] < injected[1] + 1.5

@@ -1,19 +1,24 @@
 """The report page."""
 
 import re
+from dataclasses import replace
+from math import nan
 from pathlib import Path
 
+import numpy as np
 import pytest
 from test_live_equals_offline import drive
 
 from lfd_diagnosis.verdict import SIGNALS, State
-from lfd_replay.drawing.panels import Recording, verdict_panel
+from lfd_replay.drawing.panels import COVERS, INDEXED, Recording, sensor_panel, verdict_panel
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.offline import OfflineGraph
-from lfd_replay.profiles import graph_settings
+from lfd_replay.profiles import PROFILES, graph_settings
 from lfd_replay.recorded_step import RecordedStep
 from lfd_replay.report import write_report
 from lfd_replay.score import score, timeline
+
+PLUS_MINUS = np.array([-1.0, 1.0])
 
 
 def recorded(fault: str, profile: str = "paper") -> tuple[list[Fault], list[RecordedStep]]:
@@ -77,6 +82,39 @@ def test_the_panel_of_verdicts_shows_each_state(fault: str, state: State) -> Non
     for time in times:
         assert any(start <= time <= end for start, end in shown[state.name].intervals)
     assert len({mark.colour for mark in shown.values()}) == len(shown) == 5
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("signal", INDEXED)
+@pytest.mark.parametrize("kind", ["offset:{}=4", "dropout:{}"])
+def test_the_panel_of_a_sensor_shows_what_was_published(
+    kind: str, signal: str, profile: str
+) -> None:
+    faults, steps = recorded(f"{kind.format(signal)}@1-2", profile)
+    lost = len(steps) // 3
+    steps[lost] = replace(steps[lost], reconstruction=None)
+    panel = sensor_panel(Recording(steps, 0, faults), signal)
+    band, rebuilt, measured, faulty = panel.marks
+    assert panel.shaded == [(1.0, 2.0)]
+    for k, step in enumerate(steps):
+        horizon, made = step.horizon, step.reconstruction
+        heard = not getattr(horizon, f"{signal}_stale")
+        said = getattr(horizon, f"measured_{signal}") if heard else nan
+        called = getattr(step.report, signal).state == State.FAULT
+        value, std = nan, nan
+        if made is not None and getattr(made, f"{signal}_valid"):
+            value, std = getattr(made, signal), getattr(made, f"{signal}_std")
+        np.testing.assert_equal(measured.y[k], said)
+        np.testing.assert_equal(faulty.y[k], said if called else nan)
+        np.testing.assert_equal(rebuilt.y[k], value)
+        np.testing.assert_allclose((band.low[k], band.high[k]), value + COVERS * std * PLUS_MINUS)
+
+
+def test_observers_are_shown_where_they_judge(tmp_path: Path) -> None:
+    for profile in PROFILES:
+        page = make_page(tmp_path, "offset:acceleration=4@1-2", profile)
+        assert ("limits, lag 0" in page) == (profile == "paper")
+        assert "its 95 % band" in page and "called faulty" in page
 
 
 def test_a_drive_without_steps_says_so(tmp_path: Path) -> None:

@@ -141,8 +141,8 @@ def sensor_panel(recording: Recording, signal: str) -> Panel:
         TIME,
         unit,
         [
-            Band("95 % of what it should be", time, value - off, value + off, GREY),
-            Line("reconstructed: what it should be", time, value, DARK),
+            Band("its 95 % band", time, value - off, value + off, GREY),
+            Line("reconstructed", time, value, DARK),
             Line(f"{label(signal)}, measured", time, measured, COLOURS[signal]),
             Line("called faulty", time, np.where(faulty, measured, np.nan), FAULTY),
         ],

@@ -23,6 +23,7 @@ from lfd_replay.evaluation import summary
 from lfd_replay.evaluation.campaign import Evaluation
 from lfd_replay.evaluation.cases import RECORDED, Case, added, combination_title, run_case
 from lfd_replay.evaluation.detectors import PUBLISHED
+from lfd_replay.evaluation.examples import examples_figure
 from lfd_replay.faults import parse_faults
 from lfd_replay.profiles import GraphSettings
 from lfd_replay.recorded_step import RecordedStep
@@ -82,6 +83,7 @@ def write_evaluation_page(
 ) -> Path:
     """Write `index.html` and `figures/` into a folder; returns the page's path."""
     drawn: list[list[Figure]] = []
+    examples = pool.submit(examples_figure)
     futures = [
         pool.submit(figures_of_case, case, found.settings, recorded, folder / "figures")
         for case, _, _ in found.cases
@@ -96,6 +98,7 @@ def write_evaluation_page(
         detector_curves(found.rows, "rate"),
         detector_curves(found.rows, "delay"),
         confusion_figure(found.confusion),
+        examples.result(),
     ]
     for figure in others:
         write_figure(figure, folder / "figures")
