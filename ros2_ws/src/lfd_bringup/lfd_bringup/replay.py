@@ -21,14 +21,19 @@ from lfd_mpc.mpc_node import MpcNode
 from lfd_mpc.node_process import deliver, interruptible, make_executor, own_arguments
 from lfd_observer.observer_node import ObserverNode
 from lfd_replay.bag_player import add_play_options, play, play_options
-from lfd_replay.command_line import add_drive_options, print_table, result_table, warn
+from lfd_replay.command_line import (
+    add_drive_options,
+    add_profile_option,
+    print_table,
+    result_table,
+    warn,
+)
 from lfd_replay.drive import Drive
 from lfd_replay.drive_bag import refuse_others_bag, replace_folder, write_drive
 from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.lockstep import LockstepError
 from lfd_replay.paths import make_folder, refuse_to_overwrite, share_folder
 from lfd_replay.player import GRAPH_NODES, PlayerNode, samples_to_play
-from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES
 from lfd_replay.read_drive import DRIVE_HELP, files_read, read_drive, read_options
 from lfd_replay.score import score, shown, timeline
 from lfd_replay.text_file import write_text
@@ -92,16 +97,9 @@ def main_replay(arguments: list[str], joined: float) -> int:
     parser.add_argument("--drive", default="", help=f"{DRIVE_HELP} (default: a generated drive)")
     add_play_options(parser)
     add_drive_options(parser)
-    parser.add_argument(
-        "--profile",
-        default=DEFAULT_PROFILE,
-        help=f"one of: {', '.join(PROFILES)} (default: %(default)s)",
-    )
+    add_profile_option(parser)
     parser.add_argument("--out", type=Path, default=Path("out/replay"), metavar="FOLDER")
     options = parser.parse_args(own_arguments("replay", arguments))
-
-    if options.profile not in PROFILES:
-        raise UserError(f"--profile {options.profile}: unknown; there are: {', '.join(PROFILES)}")
     fault_texts = options.fault
     refuse_others_bag(options.out / "bag")
     if options.drive:

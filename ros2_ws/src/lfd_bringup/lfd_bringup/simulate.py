@@ -34,12 +34,11 @@ from lfd_mpc.node_process import (
     ros_started,
 )
 from lfd_mpc.starting import INTERRUPTED
-from lfd_replay.command_line import print_table, result_table
+from lfd_replay.command_line import add_profile_option, print_table, result_table
 from lfd_replay.drive_bag import refuse_others_bag
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
 from lfd_replay.paths import make_folder
-from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES
 from lfd_replay.score import score, shown, timeline
 from lfd_replay.text_file import write_text
 from lfd_vehicle.lead import lead_motion
@@ -87,15 +86,9 @@ def main_simulate(arguments: list[str]) -> int:
     parser.add_argument(
         "--model", default="multi_body", choices=("multi_body", "point_mass"), help="of the vehicle"
     )
-    parser.add_argument(
-        "--profile",
-        default=DEFAULT_PROFILE,
-        help=f"one of: {', '.join(PROFILES)} (default: %(default)s)",
-    )
+    add_profile_option(parser)
     parser.add_argument("--out", type=Path, default=Path("out/simulate"), metavar="FOLDER")
     options = parser.parse_args(own_arguments("simulate", arguments))
-    if options.profile not in PROFILES:
-        raise UserError(f"--profile {options.profile}: unknown; there are: {', '.join(PROFILES)}")
     if options.seed < 0:
         raise UserError(f"--seed {options.seed}: 0 or more is expected")
     lead_text = options.lead or DEFAULT_LEAD

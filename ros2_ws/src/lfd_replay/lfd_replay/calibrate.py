@@ -14,7 +14,7 @@ from rich.table import Table
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.settings import settings_error
-from lfd_replay.command_line import print_table, warn
+from lfd_replay.command_line import add_profile_option, print_table, warn
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluation.detectors import counted_faults
@@ -28,7 +28,6 @@ from lfd_replay.evaluation.trace import JUDGED, Trace, record_trace
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.paths import refuse_to_overwrite
 from lfd_replay.profiles import (
-    DEFAULT_PROFILE,
     PROFILES,
     GraphSettings,
     graph_settings,
@@ -173,11 +172,7 @@ def main_calibrate(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="calibrate", description=__doc__)
     parser.add_argument("drives", type=Path, nargs="+", metavar="DRIVE", help=DRIVE_HELP)
     add_read_options(parser)
-    parser.add_argument(
-        "--profile",
-        default=DEFAULT_PROFILE,
-        help=f"profile to start from, one of: {', '.join(PROFILES)} (default: %(default)s)",
-    )
+    add_profile_option(parser, "profile to start from")
     parser.add_argument(
         "--false-events",
         type=float,

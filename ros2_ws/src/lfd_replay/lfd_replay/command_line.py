@@ -13,6 +13,7 @@ from rich.table import Table
 from lfd_mpc.errors import UserError
 from lfd_replay.drive import Drive
 from lfd_replay.faults import Fault
+from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, known_profile
 from lfd_replay.read_drive import add_read_options
 from lfd_replay.score import SUMMARY_COLUMNS, summary_rows
 
@@ -28,6 +29,16 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
     )
     add_read_options(parser)
     parser.add_argument("--seed", type=int, default=0, help="seed of the noise fault (default: 0)")
+
+
+def add_profile_option(parser: argparse.ArgumentParser, what: str = "profile") -> None:
+    """`--profile`, refused by a UserError where there is no such one; `what` it is for."""
+    parser.add_argument(
+        "--profile",
+        type=known_profile,
+        default=DEFAULT_PROFILE,
+        help=f"{what}, one of: {', '.join(PROFILES)} (default: %(default)s)",
+    )
 
 
 def parse_campaign(

@@ -16,6 +16,7 @@ from lfd_mpc.errors import UserError
 from lfd_mpc.samples import Sample
 from lfd_replay.command_line import (
     add_drive_options,
+    add_profile_option,
     late_faults,
     print_table,
     result_table,
@@ -28,7 +29,7 @@ from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.inspection import inspect_streams
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.paths import refuse_to_overwrite
-from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, GraphSettings, graph_settings
+from lfd_replay.profiles import GraphSettings, graph_settings
 from lfd_replay.read_drive import DRIVE_HELP, ReadOptions, files_read, read_drive, read_options
 from lfd_replay.recorded_step import RecordedStep
 from lfd_replay.score import Timeline, row_timeline, score, shown
@@ -131,11 +132,7 @@ def main_evaluate(arguments: list[str]) -> int:
         help=f"{DRIVE_HELP}; several, or a folder of drives, are evaluated side by side",
     )
     add_drive_options(parser)
-    parser.add_argument(
-        "--profile",
-        default=DEFAULT_PROFILE,
-        help=f"one of: {', '.join(PROFILES)} (default: %(default)s)",
-    )
+    add_profile_option(parser)
     parser.add_argument("--params", type=Path, metavar="FILE.yaml", help="ROS parameter file")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
     parser.add_argument(

@@ -45,13 +45,19 @@ THERE_ARE = ", ".join(("/**", *NODES))
 """What a parameter file may name."""
 
 
+def known_profile(name: str) -> str:
+    """The name of a profile as it was given. Raises UserError for an unknown one."""
+    if name not in PROFILES:
+        raise UserError(f"--profile {name}: unknown; there are: {', '.join(PROFILES)}")
+    return name
+
+
 def graph_settings(profile: str, file: Path | None = None) -> GraphSettings:
     """Settings of a profile, changed by a ROS parameter file.
 
     Raises UserError for an unknown profile, an unreadable file, or a refused or unknown parameter.
     """
-    if profile not in PROFILES:
-        raise UserError(f"--profile {profile}: unknown; there are: {', '.join(PROFILES)}")
+    known_profile(profile)
     values = {name: {} for name in NODES} if file is None else read_parameter_file(file)
     built = {}
     for name, kind in NODES.items():
