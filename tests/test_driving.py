@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfd_mpc.decision import Action, Decision, FaultLevel
-from lfd_mpc.driving import CarDriver, DrivingMpc, Source
+from lfd_mpc.driving import FIRST_DECISION, CarDriver, DrivingMpc, Source
 from lfd_mpc.following_model import build_following_model
 from lfd_mpc.horizon import Horizon, first_horizon
 from lfd_mpc.settings import MpcSettings
@@ -219,17 +219,21 @@ def test_without_a_valid_clearance_it_never_accelerates(
     assert command <= 0.0
 
 
-def test_without_decisions_for_too_long_the_car_is_stopped() -> None:
+@pytest.mark.parametrize("ever", [True, False], ids=["any more", "ever"])
+def test_without_decisions_for_too_long_the_car_is_stopped(ever: bool) -> None:
     driver = CarDriver(CHOSEN)
-    driver.decide(decision(10_000_000, Action.FOLLOW))
-    last = 1 + round(CHOSEN.decision_timeout * 100)
-    for k in range(2, last + 1):
+    if ever:
+        driver.decide(decision(10_000_000, Action.FOLLOW))
+    last = 1 + round((CHOSEN.decision_timeout if ever else FIRST_DECISION) * 100)
+    for k in range(1, last + 1):
         state = driver.drive(horizon(k * 10_000_000))
         assert state.action == Action.FOLLOW, k
     for k in range(last + 1, last + 300):
         state = driver.drive(horizon(k * 10_000_000))
         assert state.action == Action.STOP and "no decision for" in state.reason
     assert -3.0 < state.command <= -CHOSEN.stopping_deceleration
+    driver.decide(decision((last + 300) * 10_000_000, Action.FOLLOW))
+    assert driver.drive(horizon((last + 301) * 10_000_000)).action == Action.FOLLOW
 
 
 def test_an_empty_road_is_driven_at_the_set_speed() -> None:

@@ -6,7 +6,7 @@
 | any | no lead, and the radar says so | the set speed |
 | any | a value of the lead unknown | never above what is applied now, never above 0 |
 | take over | `WARN` | the plan, but no acceleration |
-| take over | `STOP`, or no decision for `decision_timeout` | a comfortable stop |
+| take over | `STOP`, or no decision in time | a comfortable stop |
 | emergency | `BRAKE` | full braking to standstill |
 """
 
@@ -24,6 +24,9 @@ from lfd_mpc.decision import Action, Decision, braking_needed
 from lfd_mpc.following_model import STATES, build_following_model
 from lfd_mpc.horizon import Horizon, Mpc
 from lfd_mpc.settings import STEP_NS, STEP_S, MpcSettings
+
+FIRST_DECISION = 2.0
+"""Seconds in which the first decision must come: its node takes as long to start at most."""
 
 CRUISE_TIME = 3.0
 """Seconds in which a difference from the set speed would be made up."""
@@ -98,6 +101,7 @@ class CarDriver:
         self._plan = np.empty(settings.control_steps)
         self._from = np.zeros(len(STATES))
         self._decision: Decision | None = None
+        self._undecided_since: int | None = None
         self._command, self._holding = 0.0, False
         self._speed, self._speed_stamp = nan, 0
 
@@ -119,13 +123,20 @@ class CarDriver:
         settings, decision = self._settings, self._decision
         if decision is not None and horizon.restart and decision.stamp > horizon.stamp:
             decision = self._decision = None
-        age = inf if decision is None else (horizon.stamp - decision.stamp) * 1e-9
         if decision is None:
-            # Before the first one there is nothing that speaks against a sensor.
-            action, level, reason = Action.FOLLOW, 0, "no decision yet"
-        elif age - settings.decision_timeout > 0.5 * STEP_S:
+            if self._undecided_since is None or self._undecided_since > horizon.stamp:
+                self._undecided_since = horizon.stamp
+            since, patience = self._undecided_since, FIRST_DECISION
+        else:
+            self._undecided_since = None
+            since, patience = decision.stamp, settings.decision_timeout
+        age = (horizon.stamp - since) * 1e-9
+        if age - patience > 0.5 * STEP_S:
             action, level = Action.STOP, 2
             reason = f"no decision for {age:.2f} s: the car is stopped"
+        elif decision is None:
+            # Before the first one there is nothing that speaks against a sensor.
+            action, level, reason = Action.FOLLOW, 0, "no decision yet"
         else:
             action, level, reason = decision.action, int(decision.level), decision.reason
         lead = self._lead(horizon, decision, age)
