@@ -48,6 +48,8 @@ OUTPUTS = (
     "diagnosis/events",
     "diagnosis/reconstructed",
     "diagnosis/decision",
+    "diagnosis/decision_changes",
+    "mpc/driving",
 )
 
 

@@ -6,7 +6,7 @@
 | 1 degraded | one is, and the others make up for it | follow from afar |
 | 2 take over | that has lasted for `take_over_after`, or the lead is not seen | warn |
 | 2 take over | `stop_after` later; not seen for `blind_for`, or it braked; no substitute | stop |
-| 3 emergency | degraded, and more than `emergency_deceleration` is needed behind the lead | brake |
+| 3 emergency | the lead is reconstructed, and `emergency_deceleration` is not enough | brake |
 
 The lead is not seen where neither of the radar's signals is to be believed, or where they drift
 apart: then one of them is wrong, and nothing says which. It is seen again when both are: one that

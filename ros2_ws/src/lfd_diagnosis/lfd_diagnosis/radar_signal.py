@@ -29,7 +29,7 @@ from lfd_mpc.compiled import inner
 
 BAD, GOOD = 2, 1
 """How much a disagreeing scan adds to the confidence, and an agreeing one takes away: two
-disagreeing scans of three make a fault, one alone is an outlier."""
+disagreeing scans in a row make a fault, or three of five; one alone is an outlier."""
 
 FIRST = 10
 """Residuals from which the size of a jump is taken."""

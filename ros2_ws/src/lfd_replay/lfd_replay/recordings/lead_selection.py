@@ -1,8 +1,9 @@
 """Which of a radar's tracks is the lead: one rule for logs, bags and live topics.
 
-1. Where the radar itself names the track that drives ahead in its path, that is the lead.
-2. Else the lead is the nearest moving track in the host's path: within `HALF_PATH` of a path that
-   is curved as the yaw rate says, straight where that is not known.
+1. Where the radar itself names the track that drives ahead in its path, that is the lead, and
+   there is none where it says so.
+2. Of a radar that never says, the lead is the nearest moving track in the host's path: within
+   `HALF_PATH` of a path that is curved as the yaw rate says, straight where that is not known.
 3. A lead stays the lead while its track is measured near the path. A nearer track takes over only
    when it has been nearer for `CONFIRMED` scans, so that clutter and duplicates of one car do not
    swap; a car that takes over is another lead and gets another track id.
