@@ -235,3 +235,14 @@ def test_the_node_answers_each_report_once_and_latches_changes() -> None:
         changes = Subscriber(late, DecisionMessage, "diagnosis/decision_changes", EVENT_QOS)
         graph.spin_until(lambda: len(changes.messages) == 3, "changes are latched")
         assert [m.action for m in changes.messages] == [0, 1, 3]
+
+
+def test_emergency_braking_goes_on_for_as_long_as_its_level() -> None:
+    drive, fault = Drive(), {"relative_velocity": State.FAULT}
+    hard = drive.on(0.1, {"relative_velocity": -15.1}, **fault)
+    assert hard.action == Action.BRAKE and hard.deceleration == CHOSEN.emergency_braking
+    for k in range(round(CHOSEN.recover_after * 100)):
+        then = drive.on(0.01, {"relative_velocity": -14.5}, **fault)
+        assert (then.action, then.deceleration) == (hard.action, hard.deceleration), k
+    after = drive.on(0.02, {"relative_velocity": -14.5}, **fault)
+    assert after.action != Action.BRAKE and after.deceleration == CHOSEN.stopping_deceleration

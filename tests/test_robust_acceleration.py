@@ -774,3 +774,54 @@ def test_a_street_that_bends_and_stays_so_leaves_no_fault_for_good(car: Car) -> 
     jumped.drive(12.0)
     jumped.drive(15.0, acceleration=2.0)
     assert jumped.outcomes[-1].report.acceleration.state == State.FAULT
+
+
+def brakes_to_rest(car: Car) -> None:
+    """Braking that comes on little by little, behind a lead that brakes alike, and ends at once."""
+    for k in range(200):
+        car.step(acceleration=max(-4.0, -0.06 * k))
+
+
+def test_a_jump_that_was_looked_into_as_the_lead_was_lost_makes_nobody_blind() -> None:
+    car = Car(host_speed=False)
+    car.drive(12.0)
+    brakes_to_rest(car)
+    car.drive(0.1)
+    car.has_target = False
+    car.drive(0.6)
+    car.has_target = True
+    car.drive(5.0)
+    assert car.outcomes[-1].report.acceleration.state == State.OK
+    assert not car.faults_since(0)
+    since = len(car.outcomes)
+    car.drive(1.0, acceleration=6.0)
+    assert car.faults_since(since) == {"acceleration"}
+
+
+def test_a_jump_before_the_speed_was_there_is_not_judged_long_after_it() -> None:
+    car = Car()
+    car.drive(12.0)
+    car.host_speed = False
+    car.drive(1.2)
+    brakes_to_rest(car)
+    car.drive(0.3)
+    car.host_speed = True
+    car.drive(8.0)
+    car.host_speed, car.velocity = False, -0.5
+    car.drive(2.0)
+    assert not car.faults_since(0)
+
+
+def test_what_the_car_did_before_it_lost_its_lead_is_no_change_of_its_own() -> None:
+    """Then it is the lead's word that is wrong: it still tells of the lead before."""
+    car = Car(host_speed=False, lead=True)
+    car.drive(12.0)
+    for k in range(300):
+        felt = min(0.01 * k, 1.8)
+        car.step(acceleration=felt, lead_acceleration=felt)
+    car.has_target = False
+    car.drive(10.0, lead_acceleration=1.7)
+    car.has_target, car.track_id = True, 2
+    since = len(car.outcomes)
+    car.drive(2.0, lead_acceleration=1.7)
+    assert "acceleration" not in car.faults_since(since)

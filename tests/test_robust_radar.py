@@ -663,3 +663,27 @@ def test_who_drifts_is_told_beside_a_clearance_that_wanders(
     for k in range(500):
         step(0.01 * k * rate)
     assert car.faults_since(start) == {"radar", signal}
+
+
+@pytest.mark.parametrize("seed", range(1, 13))
+def test_an_outlier_long_before_is_no_part_of_a_fault(seed: int) -> None:
+    """How large the fault is would be told by it: a small one would seem to be over, and the
+    healthy clearance would be left to explain the difference."""
+    car, random = Car(), np.random.default_rng(seed)
+
+    def drive(seconds: float, off: float = 0.0) -> None:
+        for _ in range(round(seconds * 100)):
+            noise = random.normal(size=2).tolist()
+            car.step(clearance=0.09 * noise[0], relative_velocity=off + 0.04 * noise[1])
+
+    drive(12.0)
+    drive(0.01 * SCAN, 6.0)
+    drive(10.0)
+    since = len(car.outcomes)
+    drive(8.0, -0.78)
+    begun = since + round(100 * car.delay("relative_velocity", since))
+    states = {outcome.report.relative_velocity.state for outcome in car.outcomes[begun:]}
+    assert states == {State.FAULT}
+    drive(8.0)
+    assert car.faults_since(since) == {"relative_velocity", "radar"}
+    assert car.outcomes[-1].report.radar.state == State.OK

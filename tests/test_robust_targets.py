@@ -91,7 +91,8 @@ def test_an_offset_goes_on_with_another_car_until_it_ends(car: Car) -> None:
         now = car.step(**both).reconstruction
     report = car.outcomes[-1].report
     assert report.clearance.state == report.relative_velocity.state == State.FAULT
-    assert "reference lost: a new target must agree for 5 s" in report.clearance.reason
+    # No time alone would tell that both ended.
+    assert report.clearance.reason.endswith("reference lost: a new target must agree")
     assert not car.faults_since(start)
     assert now.clearance == pytest.approx(car.clearance, abs=0.5)
     assert now.relative_velocity == pytest.approx(car.velocity, abs=0.5)

@@ -102,8 +102,10 @@ def follow_lead(monitor, relative_acceleration):
     if gone:
         monitor.radar_gone += 1
         if monitor.radar_gone > RADAR_GONE:
-            monitor.lead = np.nan
+            # What is known of a jump by then is all that ever will be.
+            monitor.lead, monitor.own_slow, monitor.jumped_for = np.nan, np.nan, 0
             start_ring(monitor.lead_recent, BASELINE_DELAY)
+            start_ring(monitor.own_recent, BASELINE_DELAY)
             return
         relative_acceleration = monitor.relative
     else:

@@ -181,6 +181,7 @@ def coast_acceleration(monitor):
     monitor.acceleration *= LEAD_KEEP
     _follow_braking(monitor, np.nan)
     _judge_nothing(monitor, STILL_KNOWN)
+    monitor.silent_for += STEP_S
 
 
 @inner
@@ -293,6 +294,8 @@ def judge_acceleration(
     follow_lead(monitor, relative_acceleration)
     usable = is_usable(speed, settings)
     if usable:
+        # The speed tells what jumped.
+        monitor.jumped_for = 0
         against_speed(monitor, settings)
     else:
         forget_baseline(monitor)

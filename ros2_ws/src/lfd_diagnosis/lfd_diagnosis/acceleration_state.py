@@ -13,8 +13,8 @@ from lfd_diagnosis.healthy_signal import (
     ROUGHNESS,
     append,
     at,
+    empty_roughness,
     restart_repetition,
-    restart_roughness,
     start_noise,
     start_repetition,
     start_ring,
@@ -195,7 +195,7 @@ def restart_acceleration(monitor):
     monitor.slope = monitor.slope_known = 0.0
     forgive_acceleration(monitor)
     restart_speed(monitor.speed)
-    restart_roughness(monitor.roughness)
+    empty_roughness(monitor.roughness)
     restart_repetition(monitor.repetition)
     monitor.last_at, monitor.fresh, monitor.new_samples = -np.inf, False, 0
     lose_samples(monitor)

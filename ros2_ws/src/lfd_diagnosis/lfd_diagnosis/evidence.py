@@ -15,7 +15,7 @@ class Ground(IntEnum):
     RESIDUAL = 1  # prediction residual, limit
     ROUGHNESS = 2  # share of samples
     REPETITION = 3  # equal samples
-    PATH = 4  # drift, limit
+    PATH = 4  # drift, or prediction residual of what goes on little by little, limit
     HOST_SPEED = 5  # difference, limit
     LEADS_WORD = 6  # difference, limit
     OBSERVERS = 7  # difference, limit

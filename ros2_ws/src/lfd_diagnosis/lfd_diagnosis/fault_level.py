@@ -57,8 +57,7 @@ class DecisionMaker:
         """Answer one report and what was reconstructed with it."""
         now = report.stamp
         self._follow_lead(report, made)
-        level, action, reason = self._wanted(report, made)
-        self._settle(now, level, action, reason)
+        self._settle(now, *self._wanted(report, made))
         doubted = {
             name: getattr(report, name).state in DOUBTED and isfinite(getattr(made, name))
             for name in ("clearance", "relative_velocity", "acceleration")
@@ -101,15 +100,19 @@ class DecisionMaker:
         """The hardest braking of the lead before it was lost, in m/s^2."""
         return min(self._lead_recent, default=0.0)
 
-    def _wanted(self, report: Report, made: Reconstruction) -> tuple[FaultLevel, Action, str]:
+    def _wanted(
+        self, report: Report, made: Reconstruction
+    ) -> tuple[FaultLevel, Action, str, float]:
+        """Level, action, why, and the deceleration of a stop or of emergency braking in m/s^2."""
         settings, now = self._settings, report.stamp
         lost = [name for name in ("clearance", "relative_velocity") if _is_lost(report, name)]
         others = [name for name in ("acceleration", "host_speed") if _is_lost(report, name)]
         if not lost:
             self._lost_since = self._blind_since = None
             if others:
-                return FaultLevel.DEGRADED, Action.FOLLOW_FROM_AFAR, _because(report, others)
-            return FaultLevel.NORMAL, Action.FOLLOW, ""
+                why = _because(report, others)
+                return FaultLevel.DEGRADED, Action.FOLLOW_FROM_AFAR, why, 0.0
+            return FaultLevel.NORMAL, Action.FOLLOW, "", 0.0
         self._lost_since = now if self._lost_since is None else min(self._lost_since, now)
         drifts = any(getattr(report, name).kind == Kind.RAMP for name in lost)
         blind = len(lost) == 2 or drifts or self._blind_since is not None
@@ -117,45 +120,47 @@ class DecisionMaker:
             self._blind_since = now if self._blind_since is None else min(self._blind_since, now)
         why = _because(report, lost + others)
         missing = [name for name in lost if not getattr(made, f"{name}_valid")]
-        self._deceleration = settings.stopping_deceleration
+        stopping = settings.stopping_deceleration
         if blind:
             # What the lead does now is not seen; what it did is the least to expect.
-            self._deceleration = max(
-                self._deceleration, settings.blind_margin - self._lead_acceleration
-            )
+            stopping = max(stopping, settings.blind_margin - self._lead_acceleration)
         needed = braking_needed(made.clearance, made.relative_velocity, settings.emergency_room)
         if needed > settings.emergency_deceleration:
-            self._deceleration = settings.emergency_braking
             text = f"{needed:.1f} m/s^2 are needed behind the lead"
-            return FaultLevel.EMERGENCY, Action.BRAKE, f"{text}; {why}"
+            braking = settings.emergency_braking
+            return FaultLevel.EMERGENCY, Action.BRAKE, f"{text}; {why}", braking
         lost_for = (now - self._lost_since) * 1e-9
         if missing:
             text = f"nothing makes up for {' and '.join(missing)}"
-            return FaultLevel.TAKE_OVER, Action.STOP, f"{text}; {why}"
+            return FaultLevel.TAKE_OVER, Action.STOP, f"{text}; {why}", stopping
         if self._blind_since is not None:
             blind_for = (now - self._blind_since) * 1e-9
             braking = self._lead_acceleration < -settings.lead_braking
             action = Action.STOP if braking or blind_for >= settings.blind_for else Action.WARN
             text = "the lead was braking" if braking else "the lead is not seen"
-            return FaultLevel.TAKE_OVER, action, f"{text}; {why}"
+            return FaultLevel.TAKE_OVER, action, f"{text}; {why}", stopping
         if lost_for >= settings.take_over_after + settings.stop_after:
-            return FaultLevel.TAKE_OVER, Action.STOP, f"not taken over in time; {why}"
+            return FaultLevel.TAKE_OVER, Action.STOP, f"not taken over in time; {why}", stopping
         if lost_for >= settings.take_over_after:
-            return FaultLevel.TAKE_OVER, Action.WARN, f"it lasts; {why}"
-        return FaultLevel.DEGRADED, Action.FOLLOW_FROM_AFAR, why
+            return FaultLevel.TAKE_OVER, Action.WARN, f"it lasts; {why}", stopping
+        return FaultLevel.DEGRADED, Action.FOLLOW_FROM_AFAR, why, stopping
 
-    def _settle(self, now: int, level: FaultLevel, action: Action, reason: str) -> None:
+    def _settle(
+        self, now: int, level: FaultLevel, action: Action, reason: str, deceleration: float
+    ) -> None:
         """Rise at once, fall late."""
         if (level, action) >= (self._level, self._action):
             self._lower_since = None
             if (level, action) > (self._level, self._action):
                 self._since = now
-            self._level, self._action, self._reason = level, action, reason
+            self._level, self._action = level, action
+            self._reason, self._deceleration = reason, deceleration
             return
         if self._lower_since is None or now < self._lower_since:
             self._lower_since = now
         if (now - self._lower_since) * 1e-9 >= self._settings.recover_after:
-            self._level, self._action, self._reason = level, action, reason
+            self._level, self._action = level, action
+            self._reason, self._deceleration = reason, deceleration
             self._since, self._lower_since = now, None
 
 

@@ -100,8 +100,10 @@ def follow_held_velocity(radar, settings, same):
     """What a relative velocity that repeats itself leaves unsaid: by what was expected of it, host
     and lead going on as they did, and by the clearance."""
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
+    if not velocity.new:
+        return
     if not (same and radar.has_track):
-        if velocity.new and radar.velocity.last_at > radar.held_since:
+        if radar.velocity.last_at > radar.held_since:
             radar.sees_again_at = velocity.at
             radar.unsaid_for = radar.velocity.last_at - radar.held_since
             # For so short a time a lead goes on as it just did, not as in the mean.

@@ -10,6 +10,7 @@ from lfd_diagnosis.healthy_signal import (
     REPETITION,
     ROUGHNESS,
     deviation,
+    empty_roughness,
     excuse_repetition,
     filter_share,
     is_beyond_chance,
@@ -166,7 +167,7 @@ def restart_speed(speed):
     """Nothing from before counts but what was learnt."""
     _believe(speed)
     speed.off = speed.quiet = 0.0
-    restart_roughness(speed.roughness)
+    empty_roughness(speed.roughness)
     restart_repetition(speed.repetition)
     lose_speed(speed)
 

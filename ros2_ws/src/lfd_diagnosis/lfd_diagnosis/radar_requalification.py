@@ -74,6 +74,8 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
     signal.must_agree = needed if agreeing and needed > settings.clear_time else 0.0
     agrees = agreeing and agrees_long_enough(signal, needed, latch)
     carried = of_clearance and radar.carried and not radar.velocity.faulty
+    if carried and not agreeing:
+        signal.must_agree = settings.requalify_time
     if carried and measured.at - radar.carried_since >= settings.requalify_time:
         # Nothing else would tell that it ended in between.
         rebase(track, signal, measured.value, of_clearance)

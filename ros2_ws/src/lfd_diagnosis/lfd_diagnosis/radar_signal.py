@@ -274,6 +274,9 @@ def count_scan(signal, ceiling):
     if signal.confidence == BAD and not signal.faulty:
         signal.outliers += 1
     signal.confidence = max(signal.confidence - GOOD, 0)
+    if not signal.confidence and not signal.faulty:
+        # No later fault began with that.
+        start_ring(signal.first, FIRST)
 
 
 @inner

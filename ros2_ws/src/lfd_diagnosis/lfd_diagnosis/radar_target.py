@@ -1,5 +1,7 @@
 """Which car the radar sees: the same, one that is known, or another (robust profile)."""
 
+from math import isnan
+
 import numpy as np
 
 from lfd_diagnosis.healthy_signal import (
@@ -316,8 +318,10 @@ def is_settling(radar):
     """Whether the first scans of a target contradict each other: a radar may not know it yet."""
     clearance, velocity = radar.clearance, radar.velocity
     young = radar.scans <= READY_SCANS and not is_radar_faulty(radar)
-    disagrees = is_bad(clearance) or is_bad(velocity)
-    return young and disagrees and radar.measured_clearance.at - radar.begun_at < SETTLING
+    # What is not there, or was said before, contradicts nothing.
+    one = is_bad(clearance) and not isnan(clearance.residual)
+    other = is_bad(velocity) and not isnan(velocity.residual)
+    return young and (one or other) and radar.measured_clearance.at - radar.begun_at < SETTLING
 
 
 @inner

@@ -115,6 +115,8 @@ def robust_reasons(
 def _filling(evidence: Any, anew_because: str) -> str:
     if evidence.unseen:
         return UNSEEN
+    if evidence.scans >= READY_SCANS:
+        return "nothing new to judge in this scan"
     because = f" after: {anew_because}" if evidence.anew and anew_because else ""
     return f"{evidence.scans} of {READY_SCANS} scans of this target{because}"
 
@@ -140,8 +142,8 @@ def _radar_signal(
         words = _words(because)
     reason = f"{KIND_WORDS[verdict.kind]} by {words}"
     if radar.lost:
-        needed = evidence.must_agree or settings.requalify_time
-        return f"{reason}; reference lost: a new target must agree for {needed:g} s"
+        long = f" for {evidence.must_agree:g} s" if evidence.must_agree else ""
+        return f"{reason}; reference lost: a new target must agree{long}"
     reason += f"; now {now}"
     if not evidence.tellable:
         return f"{reason}; can no longer be told from a healthy signal"

@@ -90,8 +90,8 @@ TRAVELLED_PATH = np.dtype(
 )
 """What the clearance is off from the path travelled, over the last seconds.
 
-`points` are time (s), that difference (m) and how far the velocity was off from its prediction
-(m/s). `reach`: seconds of path that tell who is wrong.
+`points` are time (s), that difference (m), how far the velocity was off from its prediction
+(m/s), and the velocity (m/s). `reach`: seconds of path that tell who is wrong.
 """
 
 DRIFT = np.dtype(
