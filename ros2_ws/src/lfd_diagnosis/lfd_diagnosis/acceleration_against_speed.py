@@ -168,7 +168,9 @@ def against_speed(monitor, settings):
         # No bump lasts, no manoeuvre leaps: what does both is seen before the filters say so.
         least = least_beyond(monitor.jump, LASTING)
         large = LARGE_FOR_SWINGS if swings_over_bumps(monitor) else LARGE
-        limit = large * learning * step_limit + allowance - _shaken_by(monitor, settings)
+        # Six steps in a row are no shaking.
+        jerk_allowance = min(_jerk_allowance(monitor, settings), MOST_ALLOWANCE)
+        limit = large * learning * step_limit + jerk_allowance
         if abs(least) > limit:
             set_check(check, Ground.HOST_SPEED, least, limit, Kind.OFFSET, monitor.baseline)
     if is_exceeded(check):

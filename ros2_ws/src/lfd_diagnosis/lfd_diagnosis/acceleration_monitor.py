@@ -298,6 +298,8 @@ def judge_acceleration(
         monitor.jumped_for = 0
         against_speed(monitor, settings)
     else:
+        if not monitor.faulty:
+            monitor.reference = np.nan
         forget_baseline(monitor)
         _lose_slope(monitor, STILL_KNOWN)
         against_lead(monitor, settings, relative_velocity, lead_report)
