@@ -3,6 +3,7 @@
 from math import isnan, nan
 from random import Random
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 from robust_car import SCAN, Car
@@ -119,6 +120,27 @@ def test_a_radar_that_was_faulty_before_time_went_back_is_judged_as_any_other(ca
     car.drive(2.5, relative_velocity_is=held)
     assert car.faults_since(start) == {"relative_velocity", "radar"}
     assert car.delay("relative_velocity", start) <= 0.65
+
+
+@pytest.mark.parametrize(("name", "every"), [("acceleration", 4), ("host_speed", 10)])
+def test_what_was_rough_before_a_restart_is_healthy_after_it(name: str, every: int) -> None:
+    """A slow sensor's last samples reach far back."""
+    car, random = Car(), np.random.default_rng(4)
+
+    def drive(seconds: float, noise: float) -> None:
+        for _ in range(round(100 * seconds / every)):
+            said = {"acceleration": 0.0, "host_speed": car.speed}[name] + noise * random.normal()
+            for _ in range(every):
+                car.step(**{f"{name}_is": float(said)})
+
+    drive(12.0, 0.02)
+    start = len(car.outcomes)
+    drive(5.0, 2.0)
+    assert name in car.faults_since(start)
+    car.go_unheard(10.0)
+    start = len(car.outcomes)
+    drive(5.0, 0.02)
+    assert not car.faults_since(start)
 
 
 def test_after_a_restart_the_road_may_have_another_slope(car: Car) -> None:

@@ -464,3 +464,14 @@ def test_an_accelerometer_that_never_says_anything_else_is_found(speed_from: flo
         car.step(acceleration_is=0.03)
     assert car.faults_since(0) == {"acceleration"}
     assert car.outcomes[-1].report.acceleration.kind == Kind.HOLD
+
+
+def test_a_held_signal_is_never_said_to_be_told_from_a_healthy_one_no_longer(car: Car) -> None:
+    """It shows itself by moving, however far the track was coasted."""
+    start, held, car.lead_acceleration = len(car.outcomes), car.seen[1], -1.0
+    car.drive(3.0, relative_velocity_is=held)
+    verdicts = [outcome.report.relative_velocity for outcome in car.outcomes[start:]]
+    reasons = {verdict.reason for verdict in verdicts if verdict.state == State.FAULT}
+    assert reasons and not any("can no longer be told" in reason for reason in reasons)
+    car.lead_acceleration = 0.0
+    assert car.drive(1.0).report.relative_velocity.state == State.OK

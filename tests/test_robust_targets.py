@@ -487,3 +487,28 @@ def test_a_scan_without_an_id_does_not_forget_the_targets(car: Car) -> None:
     car.track_id, car.clearance = 2, car.clearance + 2.5
     assert car.drive(1.0).report.clearance.state == State.OK
     assert not car.faults_since(start)
+
+
+def test_a_target_is_known_as_soon_by_a_radar_that_says_everything_twice(car: Car) -> None:
+    """What is said again contradicts nothing, so the target does not begin anew with it."""
+    ready = {}
+    for twice in (False, True):
+        car.track_id, car.clearance, car.velocity = car.track_id + 1, 45.0, -1.0
+        start = len(car.outcomes)
+        for k in range(60):
+            again = twice and k // SCAN % 2
+            said = {"clearance_is": car.seen[0], "relative_velocity_is": car.seen[1]}
+            car.step(**(said if again else {}))
+        states = [outcome.report.clearance.state for outcome in car.outcomes[start:]]
+        ready[twice] = states.index(State.OK, 1)
+        car.drive(5.0)
+    assert ready[True] == ready[False]
+
+
+def test_a_scan_without_a_measurement_says_so_where_its_target_is_known(car: Car) -> None:
+    car.has_target = False
+    car.drive(0.1)
+    car.has_target = True
+    verdict = car.drive(0.05, relative_velocity_is=nan).report.relative_velocity
+    assert verdict.state == State.NOT_READY
+    assert verdict.reason == "nothing new to judge in this scan"
