@@ -230,6 +230,15 @@ class FaultHandling(Settings):
     )
 
 
+NOT_BELOW = (
+    ("confidence_max", "confidence_threshold"),
+    ("confidence_max", "acceleration_steps"),
+    ("requalify_time", "clear_time"),
+    ("scan_confidence_max", "scan_confidence_threshold"),
+)
+"""Settings that must not be below others."""
+
+
 class DiagnosisSettings(
     HorizonSettings, LeadMotion, RadarChecks, AccelerationChecks, FaultHandling
 ):
@@ -293,26 +302,10 @@ class DiagnosisSettings(
 
     @model_validator(mode="after")
     def _check(self) -> "DiagnosisSettings":
-        if self.confidence_max < self.confidence_threshold:
-            raise ValueError(
-                f"confidence_max ({self.confidence_max}) must not be below "
-                f"confidence_threshold ({self.confidence_threshold})"
-            )
-        if self.confidence_max < self.acceleration_steps:
-            raise ValueError(
-                f"confidence_max ({self.confidence_max}) must not be below "
-                f"acceleration_steps ({self.acceleration_steps})"
-            )
-        if self.requalify_time < self.clear_time:
-            raise ValueError(
-                f"requalify_time ({self.requalify_time}) must not be below "
-                f"clear_time ({self.clear_time})"
-            )
-        if self.scan_confidence_max < self.scan_confidence_threshold:
-            raise ValueError(
-                f"scan_confidence_max ({self.scan_confidence_max}) must not be below "
-                f"scan_confidence_threshold ({self.scan_confidence_threshold})"
-            )
+        for larger, smaller in NOT_BELOW:
+            most, least = getattr(self, larger), getattr(self, smaller)
+            if most < least:
+                raise ValueError(f"{larger} ({most}) must not be below {smaller} ({least})")
         return self
 
 
