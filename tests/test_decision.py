@@ -246,3 +246,34 @@ def test_emergency_braking_goes_on_for_as_long_as_its_level() -> None:
         assert (then.action, then.deceleration) == (hard.action, hard.deceleration), k
     after = drive.on(0.02, {"relative_velocity": -14.5}, **fault)
     assert after.action != Action.BRAKE and after.deceleration == CHOSEN.stopping_deceleration
+
+
+def test_a_level_falls_to_the_one_below_it_first() -> None:
+    drive, fault = Drive(), {"relative_velocity": State.FAULT}
+    assert drive.on(0.5, {"relative_velocity": -15.1}, **fault).action == Action.BRAKE
+    blind = {"clearance": State.FAULT, "relative_velocity": State.FAULT}
+    nothing = {"clearance": nan, "relative_velocity": nan}
+    drive.on(0.6, **fault)
+    assert drive.on(0.3, nothing, **blind).level == LEVEL.EMERGENCY
+    levels = [drive.on(0.01).level for _ in range(round(100 * CHOSEN.recover_after) + 1)]
+    assert levels == sorted(levels, reverse=True)
+    assert levels.count(LEVEL.EMERGENCY) == pytest.approx(10, abs=1)
+    assert levels.count(LEVEL.TAKE_OVER) == pytest.approx(90, abs=1)
+    assert levels[-1] == LEVEL.NORMAL
+
+
+def test_a_host_speed_that_is_doubted_is_not_driven_by() -> None:
+    assert not Drive().on(0.01, host_speed=State.SUSPECT).host_speed_usable
+    assert Drive().on(0.01).host_speed_usable
+
+
+def test_a_report_that_no_diagnosis_makes_is_refused() -> None:
+    with Graph() as graph:
+        node = graph.add(DecisionNode(context=graph.context))
+        message = to_message(report(1), FaultReport())
+        message.clearance.state = 9
+        node._on_report(message)
+        node._on_report(to_message(report(2), FaultReport()))
+        node._on_made(to_message(made(2), ReconstructedState()))
+        (status,) = node._statuses(False)
+        assert status.message == "NORMAL" and status.values["reports refused"] == "1"

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfd_mpc.decision import Action, Decision, FaultLevel
-from lfd_mpc.driving import FIRST_DECISION, CarDriver, DrivingMpc, Source
+from lfd_mpc.driving import CARRIED, FIRST_DECISION, CarDriver, DrivingMpc, Source
 from lfd_mpc.following_model import build_following_model
 from lfd_mpc.horizon import Horizon, first_horizon
 from lfd_mpc.settings import MpcSettings
@@ -269,3 +269,96 @@ def test_settings_can_be_changed_while_it_drives() -> None:
     for k in range(1, 200):
         state = mpc.driver.drive(horizon(k * 10_000_000, **empty))
     assert state.command < -1.0
+
+
+def steps_with(driver: CarDriver, first: int, count: int, told: dict | None = None, **values):
+    """The last state after some steps from one on, each with a decision to follow."""
+    state = None
+    for k in range(first, first + count):
+        driver.decide(decision((k - 1) * 10_000_000, Action.FOLLOW, **(told or {})))
+        state = driver.drive(horizon(k * 10_000_000, **values))
+    assert state is not None
+    return state
+
+
+NO_SPEED = {"measured_host_speed": float("nan"), "host_speed_stale": True}
+EMPTY = {
+    "has_target": False,
+    "measured_clearance": float("nan"),
+    "measured_relative_velocity": float("nan"),
+}
+
+
+@pytest.mark.parametrize("lead", [{}, {"measured_clearance": 90.0}, EMPTY])
+def test_a_car_that_knows_no_speed_of_its_own_does_not_speed_up(lead: dict) -> None:
+    state = steps_with(CarDriver(CHOSEN), 1, 500, **NO_SPEED, **lead)
+    assert state.command <= 0.0 and "own speed is not known" in state.reason
+    assert state.host_speed_source == Source.NONE
+    if "measured_clearance" not in lead:
+        assert state.desired_clearance == 35.0, "it comes no nearer"
+
+
+def test_a_lost_speed_is_carried_on_for_ten_seconds_only() -> None:
+    driver = CarDriver(CHOSEN)
+    steps_with(driver, 1, 100)
+    lost = {"host_speed_usable": False}
+    last = 100 + round(100 * CARRIED)
+    state = steps_with(driver, 101, last - 120, lost, measured_acceleration=0.1, **EMPTY)
+    assert state.host_speed_source == Source.RECONSTRUCTED
+    assert state.host_speed == pytest.approx(20.0 + 0.1 * (CARRIED - 0.2), abs=0.05)
+    far = state.desired_clearance
+    state = steps_with(driver, last, 100, lost, measured_acceleration=0.1, **EMPTY)
+    assert state.host_speed_source == Source.NONE and state.command <= 0.0
+    assert state.desired_clearance == pytest.approx(far, abs=0.2)
+
+
+def test_a_speed_that_jumped_is_carried_on_from_before_the_jump() -> None:
+    """Its fault is told two steps later."""
+    driver = CarDriver(CHOSEN)
+    steps_with(driver, 1, 100)
+    steps_with(driver, 101, 3, measured_host_speed=10.0)
+    state = steps_with(driver, 104, 10, {"host_speed_usable": False}, measured_host_speed=10.0)
+    assert state.host_speed == pytest.approx(20.0, abs=0.1)
+
+
+def test_time_that_goes_back_gives_no_time_without_decisions() -> None:
+    driver = CarDriver(CHOSEN)
+    steps_with(driver, 1000, 100)
+    for k in range(1, 30):
+        state = driver.drive(horizon(k * 10_000_000, restart=k == 1))
+        late = k - 1 > round(100 * CHOSEN.decision_timeout)
+        assert (state.action == Action.STOP) == late, k
+
+
+def test_a_decision_of_another_time_is_none() -> None:
+    driver = CarDriver(CHOSEN)
+    driver.decide(decision(50_000_000_000, Action.FOLLOW))
+    state = driver.drive(horizon(10_000_000))
+    assert state.action == Action.STOP and "a decision of 49.99 s later" in state.reason
+
+
+@pytest.mark.parametrize("value", [1.7e308, float("inf")])
+def test_a_value_that_no_lead_has_makes_no_command_that_is_no_number(value: float) -> None:
+    driver = CarDriver(CHOSEN)
+    steps_with(driver, 1, 10)
+    steps_with(driver, 11, 1, measured_clearance=value)
+    for k in range(12, 100):
+        state = steps_with(driver, k, 1)
+        assert np.isfinite(state.command)
+    assert steps_with(driver, 100, 300).command == pytest.approx(driven(3.0).command, abs=0.05)
+
+
+def test_what_was_not_measured_is_not_called_so() -> None:
+    state = steps_with(CarDriver(CHOSEN), 1, 10, measured_clearance=float("nan"))
+    assert state.clearance_source == Source.NONE and np.isnan(state.clearance)
+    assert driven(1.0, measured_host_speed=-20.0).desired_clearance >= CHOSEN.minimum_clearance
+
+
+def test_a_hard_stop_stays_hard_where_the_speed_is_only_carried() -> None:
+    driver, stop = CarDriver(CHOSEN), {"host_speed_usable": False, "deceleration": 7.0}
+    steps_with(driver, 1, 100, measured_host_speed=3.0)
+    for k in range(101, 200):
+        driver.decide(decision((k - 1) * 10_000_000, Action.STOP, **stop))
+        state = driver.drive(horizon(k * 10_000_000, measured_acceleration=-0.1))
+    assert state.host_speed_source == Source.RECONSTRUCTED
+    assert state.command == pytest.approx(-7.0)

@@ -42,6 +42,7 @@ class DecisionNode(Node):
         self._reports: dict[tuple[int, int], Report] = {}
         self._made: dict[tuple[int, int], Reconstruction] = {}
         self._last: Decided | None = None
+        self._refused = 0
         self._decisions = self.create_publisher(Decision, "diagnosis/decision", PIPELINE_QOS)
         self._changes = self.create_publisher(Decision, "diagnosis/decision_changes", EVENT_QOS)
         self.create_subscription(FaultReport, "diagnosis/faults", self._on_report, PIPELINE_QOS)
@@ -58,12 +59,22 @@ class DecisionNode(Node):
         last = self._last
         if last is None:
             return [Health("fault level", "", Level.STALE, "no decision yet")]
-        values = {"action": last.action.name, "since": f"{last.since * 1e-9:.2f} s"}
+        values = {
+            "action": last.action.name,
+            "since": f"{last.since * 1e-9:.2f} s",
+            "reports refused": f"{self._refused}",
+        }
         message = f"{last.level.name}: {last.reason}" if last.reason else last.level.name
         return [Health("fault level", "", LEVELS[last.level], message, values)]
 
     def _on_report(self, message: FaultReport) -> None:
-        report = from_message(Report, message)
+        try:
+            report = from_message(Report, message)
+        except ValueError as error:
+            # A state or kind that there is not: of another version, or by hand.
+            self._refused += 1
+            self.get_logger().warning(f"refused: diagnosis/faults: {error}")
+            return
         if report.step:
             self._reports[report.step, report.stamp] = report
             self._answer(report)

@@ -12,7 +12,8 @@ The lead is not seen where neither of the radar's signals is to be believed, or 
 apart: then one of them is wrong, and nothing says which. It is seen again when both are: one that
 is believed again beside another that is not has been held against a guess.
 
-A level rises at once. It falls when what raised it has been gone for `recover_after`.
+A level rises at once. It falls when what raised it has been gone for `recover_after`, to the
+highest that was wanted since.
 """
 
 from collections import deque
@@ -45,7 +46,7 @@ class DecisionMaker:
         self._reason, self._deceleration = "", 0.0
         self._lost_since: int | None = None
         self._blind_since: int | None = None
-        self._lower_since: int | None = None
+        self._recent: deque[tuple[int, FaultLevel, Action, str, float]] = deque()
         self._lead_estimate = 0.0
         self._lead_recent: deque[float] = deque(maxlen=LEAD_MEMORY)
 
@@ -57,7 +58,7 @@ class DecisionMaker:
         """Answer one report and what was reconstructed with it."""
         now = report.stamp
         self._follow_lead(report, made)
-        self._settle(now, *self._wanted(report, made))
+        self._settle(now, self._wanted(report, made))
         doubted = {
             name: getattr(report, name).state in DOUBTED and isfinite(getattr(made, name))
             for name in ("clearance", "relative_velocity", "acceleration")
@@ -77,7 +78,7 @@ class DecisionMaker:
             usable(report.clearance, "clearance"),
             usable(report.relative_velocity, "relative_velocity"),
             usable(report.acceleration, "acceleration"),
-            usable(report.host_speed),
+            report.host_speed.state not in DOUBTED,
             made.clearance if made.clearance_valid else nan,
             made.relative_velocity if made.relative_velocity_valid else nan,
             made.relative_acceleration if made.relative_acceleration_valid else nan,
@@ -145,23 +146,17 @@ class DecisionMaker:
             return FaultLevel.TAKE_OVER, Action.WARN, f"it lasts; {why}", stopping
         return FaultLevel.DEGRADED, Action.FOLLOW_FROM_AFAR, why, stopping
 
-    def _settle(
-        self, now: int, level: FaultLevel, action: Action, reason: str, deceleration: float
-    ) -> None:
-        """Rise at once, fall late."""
-        if (level, action) >= (self._level, self._action):
-            self._lower_since = None
-            if (level, action) > (self._level, self._action):
-                self._since = now
-            self._level, self._action = level, action
-            self._reason, self._deceleration = reason, deceleration
-            return
-        if self._lower_since is None or now < self._lower_since:
-            self._lower_since = now
-        if (now - self._lower_since) * 1e-9 >= self._settings.recover_after:
-            self._level, self._action = level, action
-            self._reason, self._deceleration = reason, deceleration
-            self._since, self._lower_since = now, None
+    def _settle(self, now: int, wanted: tuple[FaultLevel, Action, str, float]) -> None:
+        """Rise at once, fall late: the highest of what was wanted lately, as it was last wanted."""
+        recent, held = self._recent, (self._level, self._action)
+        recent.append((now, *wanted))
+        lately = round(self._settings.recover_after * 1e9)
+        while not 0 <= now - recent[0][0] <= lately:
+            recent.popleft()
+        _, *settled = max(reversed(recent), key=lambda said: (said[1], said[2]))
+        self._level, self._action, self._reason, self._deceleration = settled
+        if (self._level, self._action) != held:
+            self._since = now
 
 
 def _is_lost(report: Report, name: str) -> bool:

@@ -5,11 +5,13 @@
 | normal, degraded | clearance and relative velocity known | the plan; a larger gap when degraded |
 | any | no lead, and the radar says so | the set speed |
 | any | a value of the lead unknown | never above what is applied now, never above 0 |
+| any | the own speed unknown | never above 0 |
 | take over | `WARN` | the plan, but no acceleration |
 | take over | `STOP`, or no decision in time | a comfortable stop |
 | emergency | `BRAKE` | full braking to standstill |
 """
 
+from collections import deque
 from dataclasses import dataclass
 from enum import IntEnum
 from math import inf, isfinite, isnan, nan, sqrt
@@ -27,6 +29,12 @@ from lfd_mpc.settings import STEP_NS, STEP_S, MpcSettings
 
 FIRST_DECISION = 2.0
 """Seconds in which the first decision must come: its node takes as long to start at most."""
+
+DOUBT_STEPS = 20
+"""Steps before a fault of the host speed whose speed is believed: it is not found at once."""
+
+CARRIED = 10.0
+"""Seconds for which a host speed that is not measured is carried on by the acceleration."""
 
 CRUISE_TIME = 3.0
 """Seconds in which a difference from the set speed would be made up."""
@@ -102,8 +110,10 @@ class CarDriver:
         self._from = np.zeros(len(STATES))
         self._decision: Decision | None = None
         self._undecided_since: int | None = None
+        self._ever_decided = False
         self._command, self._holding = 0.0, False
-        self._speed, self._speed_stamp = nan, 0
+        self._speeds: deque[tuple[int, float]] = deque(maxlen=DOUBT_STEPS)
+        self._speed, self._speed_stamp, self._measured_at = nan, 0, 0
 
     def change(self, settings: MpcSettings) -> None:
         """Drive by other settings. Raises ValueError for those that cannot work."""
@@ -116,7 +126,7 @@ class CarDriver:
         """
         if not 0.0 <= decision.deceleration < inf:
             raise ValueError(f"a deceleration of {decision.deceleration:g} m/s^2")
-        self._decision = decision
+        self._decision, self._ever_decided = decision, True
 
     def drive(self, horizon: Horizon) -> DrivingState:
         """The command for one step, and what it rests on."""
@@ -126,30 +136,39 @@ class CarDriver:
         if decision is None:
             if self._undecided_since is None or self._undecided_since > horizon.stamp:
                 self._undecided_since = horizon.stamp
-            since, patience = self._undecided_since, FIRST_DECISION
+            since = self._undecided_since
+            patience = settings.decision_timeout if self._ever_decided else FIRST_DECISION
         else:
             self._undecided_since = None
             since, patience = decision.stamp, settings.decision_timeout
         age = (horizon.stamp - since) * 1e-9
-        if age - patience > 0.5 * STEP_S:
+        if abs(age) - patience > 0.5 * STEP_S:
             action, level = Action.STOP, 2
             reason = f"no decision for {age:.2f} s: the car is stopped"
+            if age < 0.0:
+                reason = f"a decision of {-age:.2f} s later: the car is stopped"
         elif decision is None:
             # Before the first one there is nothing that speaks against a sensor.
             action, level, reason = Action.FOLLOW, 0, "no decision yet"
         else:
             action, level, reason = decision.action, int(decision.level), decision.reason
-        lead = self._lead(horizon, decision, age)
+        lead = self._lead(horizon, decision, max(age, 0.0))
         clearance, clearance_source, velocity, velocity_source = lead
         acceleration, acceleration_source = self._acceleration(horizon, decision)
         speed, speed_source = self._host_speed(horizon, decision, acceleration)
         gap = settings.degraded_gap if action != Action.FOLLOW else 1.0
-        known = speed if isfinite(speed) else 0.0
+        # Where the speed is not known any more, as far as it was last.
+        known = max(speed if isfinite(speed) else self._speed, 0.0)
         desired = settings.minimum_clearance + gap * settings.preview_time * known
+        if isnan(known):
+            desired = max(settings.minimum_clearance, clearance)
         relative = nan if decision is None else decision.relative_acceleration
         lead_acceleration = relative + acceleration if isfinite(relative) else 0.0
         known_lead = Lead(clearance, velocity, lead_acceleration)
-        wanted, jerk = self._wanted(horizon, action, known_lead, acceleration, speed, desired)
+        if isnan(speed) and not reason:
+            reason = "the own speed is not known: the car does not speed up"
+        own = acceleration, speed, speed_source == Source.MEASURED
+        wanted, jerk = self._wanted(horizon, action, known_lead, own, desired)
         if self._holding and action != Action.BRAKE:
             wanted = HOLDING if isfinite(speed) and speed < STANDING else STOPPING
         self._command = self._gently(wanted, jerk)
@@ -177,12 +196,14 @@ class CarDriver:
         velocity, velocity_source = nan, Source.NONE
         clearance, clearance_source = nan, Source.NONE
         usable = decision is None or decision.relative_velocity_usable
-        if usable and horizon.has_target and not horizon.relative_velocity_stale:
+        usable = usable and horizon.has_target and not horizon.relative_velocity_stale
+        if usable and isfinite(horizon.measured_relative_velocity):
             velocity, velocity_source = horizon.measured_relative_velocity, Source.MEASURED
         elif decision is not None and isfinite(decision.relative_velocity):
             velocity, velocity_source = decision.relative_velocity, Source.RECONSTRUCTED
         usable = decision is None or decision.clearance_usable
-        if usable and horizon.has_target and not horizon.clearance_stale:
+        usable = usable and horizon.has_target and not horizon.clearance_stale
+        if usable and isfinite(horizon.measured_clearance):
             carried = velocity * horizon.clearance_age if isfinite(velocity) else 0.0
             clearance = horizon.measured_clearance + carried
             clearance_source = Source.MEASURED
@@ -202,11 +223,17 @@ class CarDriver:
     def _host_speed(
         self, horizon: Horizon, decision: Decision | None, acceleration: float
     ) -> tuple[float, Source]:
-        """Measured, or the last one that was, carried on by the acceleration."""
-        if (decision is None or decision.host_speed_usable) and not horizon.host_speed_stale:
+        """Measured, or one from before it was doubted, carried on by the acceleration."""
+        usable = decision is None or decision.host_speed_usable
+        if usable and not horizon.host_speed_stale and isfinite(horizon.measured_host_speed):
             self._speed, self._speed_stamp = horizon.measured_host_speed, horizon.stamp
+            self._speeds.append((horizon.stamp, self._speed))
             return self._speed, Source.MEASURED
-        if isnan(self._speed):
+        if self._speeds:
+            self._speed_stamp, self._speed = self._speeds[0]
+            self._measured_at = self._speed_stamp
+            self._speeds.clear()
+        if isnan(self._speed) or horizon.stamp - self._measured_at > CARRIED * 1e9:
             return nan, Source.NONE
         steps = max(horizon.stamp - self._speed_stamp, 0) // STEP_NS
         self._speed = max(self._speed + acceleration * steps * STEP_S, 0.0)
@@ -218,21 +245,25 @@ class CarDriver:
         horizon: Horizon,
         action: Action,
         lead: Lead,
-        acceleration: float,
-        speed: float,
+        own: tuple[float, float, bool],
         desired: float,
     ) -> tuple[float, float]:
-        """Acceleration to go for in m/s^2, and the jerk that is allowed on the way."""
+        """Acceleration to go for in m/s^2, and the jerk that is allowed on the way.
+
+        `own`: the car's acceleration, its speed, and whether that is measured.
+        """
         settings, decision = self._settings, self._decision
+        acceleration, speed, measured = own
         deceleration = settings.stopping_deceleration
         if decision is not None and action in (Action.STOP, Action.BRAKE):
             deceleration = max(deceleration, decision.deceleration)
         if action == Action.BRAKE:
             self._holding = isfinite(speed) and speed < STANDING
             return -deceleration, settings.emergency_jerk
-        cruise = settings.comfortable_acceleration
+        cruise = 0.0
         if isfinite(speed):
-            cruise = min(cruise, (settings.set_speed - speed) / CRUISE_TIME)
+            to_set_speed = (settings.set_speed - speed) / CRUISE_TIME
+            cruise = min(settings.comfortable_acceleration, to_set_speed)
         if isfinite(lead.clearance) and isfinite(lead.velocity):
             follow, jerk = self._follow(lead, acceleration, speed, desired)
             wanted = min(follow, cruise)
@@ -248,7 +279,8 @@ class CarDriver:
         if action in (Action.WARN, Action.STOP):
             wanted = min(wanted, 0.0)
         if action == Action.STOP:
-            soft = max(-STOPPING, SOFT * speed) if isfinite(speed) else deceleration
+            # A speed that is carried may be too low.
+            soft = max(-STOPPING, SOFT * speed) if measured else deceleration
             wanted = min(wanted, -min(deceleration, soft))
             if deceleration > settings.stopping_deceleration:
                 jerk = settings.emergency_jerk
@@ -305,6 +337,9 @@ class CarDriver:
     def _gently(self, wanted: float, jerk: float) -> float:
         """The next command on the way to `wanted`, in m/s^2."""
         settings = self._settings
+        if not isfinite(wanted):
+            # What no lead can be makes no plan.
+            wanted = min(self._command, 0.0)
         down = jerk * STEP_S
         # Letting go of hard braking may be as quick as is comfortable, or it would last too long.
         up = max(settings.comfortable_jerk, -self._command) * STEP_S
