@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import shutil
 import subprocess
 import sys
@@ -32,10 +33,12 @@ from lfd_replay.evaluate import main_evaluate
 from lfd_replay.evaluate_many import drives_of
 from lfd_replay.import_drive import join_drive, main_import
 from lfd_replay.inspect import main_inspect
+from lfd_replay.journal import Journal
 from lfd_replay.make_drive import main_make
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import NODES, graph_settings, profile_file_text
 from lfd_replay.read_drive import ReadOptions, read_drive, read_streams
+from lfd_replay.text_file import write_text
 
 HEADER = "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2"
 ROWS = ["0.00,30.0,-1.0,15.0,0.1", "0.05,29.9,-1.0,15.0,0.1", "0.10,29.8,-1.0,15.0,0.1"]
@@ -214,6 +217,9 @@ MISTAKES = {
     "empty": (["empty.csv"], "is empty"),
     "missing column": (["no_range.csv"], "column 'range_m' is missing"),
     "text": (["text.csv"], "'fast' is not a number"),
+    "underscores": (["underscores.csv"], "'2_0.0' is not a number"),
+    "a cell too many": (["wide.csv"], "line 3: has 6 cells, the header 5"),
+    "a column twice": (["twice.csv"], "column 'range_m' is there 2 times; one is expected"),
     "time decreases": (["backward.csv"], "time decreases"),
     "cut off": (["cut.csv"], "cut off"),
     "time in ns": (["ns.csv"], "line 2: the time 1.7e+18 s is out of range; t_s is in seconds"),
@@ -238,6 +244,10 @@ MISTAKES = {
         "unknown signal 'radar'",
     ),
     "no window": (["good.csv", "--fault", "zero:clearance"], "KIND:SIGNAL"),
+    "a time beyond numbers": (
+        ["good.csv", "--fault", f"zero:clearance@0-{'9' * 320}"],
+        "it must end before 2147483648 s",
+    ),
     "ends first": (["good.csv", "--fault", "zero:clearance@2-1"], "start before it ends"),
     "mapping": (["good.csv", "--map", "range_m"], "NAME=COLUMN"),
     "mapping of nothing": (["good.csv", "--map", "colour=x"], "no such column of a drive"),
@@ -290,6 +300,9 @@ def test_evaluate_ends_a_mistake_with_one_line(mistake, tmp_path, monkeypatch, c
     (tmp_path / "empty.csv").write_text("")
     csv(tmp_path, "0,1,1,1", header=HEADER.replace(",range_m", ""), name="no_range.csv")
     csv(tmp_path, "0,30,fast,15,0.1", name="text.csv")
+    csv(tmp_path, "0,2_0.0,0,15,0.1", name="underscores.csv")
+    csv(tmp_path, ROWS[0], "0.05,29,5,-1,15,0.1", name="wide.csv")
+    csv(tmp_path, "0,99,30,1,15,0.1", header=HEADER + ",range_m", name="twice.csv")
     csv(tmp_path, ROWS[1], ROWS[0], name="backward.csv")
     (tmp_path / "cut.csv").write_text(HEADER + "\n" + ROWS[0] + "\n0.05,29")
     for name, time in (("ns", "1.7e18"), ("ms", "1.7e12"), ("far", "1e308")):
@@ -493,3 +506,42 @@ def test_the_figures_of_evaluate_are_those_that_scripts_read(tmp_path: Path, mon
         assert set(window) == {"start", "found", "delay_s", "fraction", "already_flagged"}
         assert sensors[name]["truth"] == [[1.0, 2.0]] and window["start"] == 1.0
     assert sensors["acceleration"]["truth"] == sensors["acceleration"]["windows"] == []
+
+
+def test_a_line_with_nothing_on_it_is_no_row(tmp_path: Path) -> None:
+    whole = csv(tmp_path, *ROWS, name="whole.csv")
+    spaced = tmp_path / "spaced.csv"
+    spaced.write_text(whole.read_text().replace("\n", "\n\n") + "\n\n")
+    assert read_drive(spaced).samples == read_drive(whole).samples
+
+
+def test_what_is_written_to_a_link_or_a_pipe_leaves_it_one(tmp_path: Path) -> None:
+    target, link, pipe = tmp_path / "target", tmp_path / "link", tmp_path / "pipe"
+    target.write_text("before")
+    link.symlink_to(target)
+    write_text(link, "after")
+    assert link.is_symlink() and target.read_text() == "after"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        write_text(pipe, "through it")
+        assert os.read(reader, 100) == b"through it" and pipe.is_fifo()
+    finally:
+        os.close(reader)
+
+
+def test_a_drive_that_begins_below_zero_is_no_bag(tmp_path: Path) -> None:
+    felt, seen = [ScalarSample(ACCELERATION, -5, 0.0)], [RadarSample(0, True, 30.0, 0.0)]
+    early = make_drive("early", {ACCELERATION: felt, RADAR: seen})
+    with pytest.raises(UserError, match="early: begins at -0.000 s; a bag holds no time below 0"):
+        write_drive(early, tmp_path / "early.mcap")
+
+
+def test_results_of_other_recorded_drives_do_not_count(tmp_path: Path) -> None:
+    recorded = tmp_path / "recorded"
+    recorded.mkdir()
+    (recorded / "drive.csv").write_text("one")
+    Journal(tmp_path / "journal", recorded).add("key", 1)
+    assert Journal(tmp_path / "journal", recorded).results == {"key": 1}
+    (recorded / "drive.csv").write_text("another")
+    assert not Journal(tmp_path / "journal", recorded).results

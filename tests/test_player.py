@@ -21,8 +21,9 @@ from lfd_mpc.settings import MpcSettings
 from lfd_replay.drive import Drive
 from lfd_replay.drive_bag import replace_folder, sample_message, write_bag, write_drive
 from lfd_replay.errors import run_command
+from lfd_replay.faults import parse_faults
 from lfd_replay.lockstep import LockstepError, horizon_difference
-from lfd_replay.player import GRAPH_NODES, PlayerNode, PlayOptions, samples_to_play
+from lfd_replay.player import GRAPH_NODES, PlayerNode, PlayOptions, played, samples_to_play
 from lfd_replay.read_drive import DRIVE_HELP
 from ros_support import REPLAY_ARGUMENTS, Graph, next_domain
 
@@ -247,3 +248,9 @@ def test_a_second_player_in_the_same_domain_is_refused() -> None:
 def test_the_launch_file_describes_the_graph() -> None:
     pytest.importorskip("launch_ros", reason="launch_ros is not installed: not checked here")
     assert runpy.run_path(str(LAUNCH))["generate_launch_description"]().entities
+
+
+def test_only_faults_that_are_played_are_looked_for() -> None:
+    faults = parse_faults(["zero:clearance@1-3;zero:host_speed@4-5;hold:clearance@6-7"])
+    assert played(faults, PlayOptions(start=3.0, duration=3.0)) == faults[1:2]
+    assert played(faults, PlayOptions()) == faults

@@ -33,7 +33,7 @@ from lfd_replay.drive_bag import refuse_others_bag, replace_folder, write_drive
 from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.lockstep import LockstepError
 from lfd_replay.paths import make_folder, refuse_to_overwrite, share_folder
-from lfd_replay.player import GRAPH_NODES, PlayerNode, samples_to_play
+from lfd_replay.player import GRAPH_NODES, PlayerNode, played, samples_to_play
 from lfd_replay.read_drive import DRIVE_HELP, files_read, read_drive, read_options
 from lfd_replay.score import score, shown, timeline
 from lfd_replay.text_file import write_text
@@ -122,6 +122,10 @@ def main_replay(arguments: list[str], joined: float) -> int:
 
         make_folder(options.out)
         warn(drive, faults)
+        seen = played(faults, playing)
+        for fault in faults:
+            if fault not in seen:
+                print(f"fault '{fault.text}' lies outside of what is played", file=sys.stderr)
         console.print(f"replay of {drive.name}: {drive.duration:.1f} s, profile {options.profile}")
         for fault in faults:
             console.print(f"  injected: {fault.text}", markup=False, highlight=False)
@@ -137,7 +141,7 @@ def main_replay(arguments: list[str], joined: float) -> int:
             speed = player.total / wall
             console.print(f"played {player.total:.1f} s in {wall:.1f} s ({speed:.1f} x real time)")
         with interruptible():
-            _leave(options.out, drive, faults, recorder, options.profile, console)
+            _leave(options.out, drive, seen, recorder, options.profile, console)
     finally:
         executor.shutdown()
         for node in nodes:

@@ -199,6 +199,8 @@ def main_calibrate(arguments: list[str]) -> int:
         options.false_events,
     )
     normal = index_statistics(list(traces(of_paper(settings), drives, "counting false events")))
+    if not normal.hours:
+        raise UserError("no drive makes a step: radar and acceleration that go on are expected")
     heading = [
         f"Parameters of the {options.profile} profile, calibrated on {len(drives)} fault-free "
         f"drives ({normal.hours * 60:.1f} minutes).",

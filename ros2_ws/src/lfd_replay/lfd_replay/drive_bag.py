@@ -273,6 +273,11 @@ def write_drive(drive: Drive, out: Path) -> None:
     """
     if out.suffix != ".mcap":
         raise UserError(f"{out}: a drive is written as MCAP; the name must end in .mcap")
+    if drive.samples and drive.samples[0].stamp < 0:
+        raise UserError(
+            f"{drive.name}: begins at {drive.samples[0].stamp * 1e-9:.3f} s; a bag holds no time "
+            "below 0"
+        )
     rows = ((sample.stamp, *sample_message(sample)) for sample in drive.samples)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)

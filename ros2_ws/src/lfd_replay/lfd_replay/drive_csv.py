@@ -69,11 +69,26 @@ class Table:
         if len(rows) < 2:
             raise UserError(f"{path}: is empty; a header and at least one row are expected")
         self.header = [name.strip() for name in rows[0]]
-        self._rows = rows[1:]
+        # A line with nothing on it is no row.
+        self._lines = [line for line, row in enumerate(rows[1:], start=2) if row]
+        self._rows = [row for row in rows[1:] if row]
+        if not self._rows:
+            raise UserError(f"{path}: is empty; a header and at least one row are expected")
+        self._refuse_long_rows()
         ended = text.endswith(("\n", "\r"))
         if not ended and len(self._rows[-1]) < len(self.header):
             raise UserError(f"{path}: is cut off in its last row; a whole file is expected")
         self.remarks = list(self._oddities(ended))
+
+    def _refuse_long_rows(self) -> None:
+        """Of a row with more cells than the header nobody knows which one is too many."""
+        width = len(self.header)
+        for line, row in zip(self._lines, self._rows, strict=True):
+            if any(cell.strip() for cell in row[width:]):
+                raise UserError(
+                    f"{self.path}: line {line}: has {len(row)} cells, the header {width}; no more "
+                    "than that are expected, and commas within a cell between quotes"
+                )
 
     def _oddities(self, ended: bool) -> Iterator[str]:
         """What is accepted and said, as a whole file may look like that."""
@@ -100,14 +115,20 @@ class Table:
         own = self._mapping.get(column, column)
         if own not in self.header:
             raise UserError(f"{self.path}: column '{own}' is missing; there are: {self.there}")
+        if self.header.count(own) > 1:
+            raise UserError(
+                f"{self.path}: column '{own}' is there {self.header.count(own)} times; one is "
+                "expected: rename the others"
+            )
         position = self.header.index(own)
-        for line, row in enumerate(self._rows, start=2):
+        for line, row in zip(self._lines, self._rows, strict=True):
             text = row[position].strip() if position < len(row) else ""
             if not text:
                 yield None
                 continue
             try:
-                yield float(text)
+                # What Python takes for a number and nobody else does.
+                yield float(text.replace("_", "x"))
             except ValueError:
                 raise UserError(
                     f"{self.path}: line {line}, column '{own}': '{_clipped(text)}' is not a number"
@@ -116,7 +137,7 @@ class Table:
     def stamps(self) -> list[int]:
         """Stamps in ns. Raises UserError where time is missing, not finite or decreases."""
         stamps: list[int] = []
-        for line, seconds in enumerate(self.column("t_s"), start=2):
+        for line, seconds in zip(self._lines, self.column("t_s"), strict=True):
             if seconds is None or not isfinite(seconds):
                 raise UserError(f"{self.path}: line {line}: the time is missing or not finite")
             stamp = self._nanoseconds(line, seconds)
@@ -134,7 +155,7 @@ class Table:
         """Stamps in ns as they stand, in whatever order; None = missing or not finite."""
         return [
             None if seconds is None or not isfinite(seconds) else self._nanoseconds(line, seconds)
-            for line, seconds in enumerate(self.column("t_s"), start=2)
+            for line, seconds in zip(self._lines, self.column("t_s"), strict=True)
         ]
 
     def _nanoseconds(self, line: int, seconds: float) -> int:
@@ -150,7 +171,7 @@ class Table:
         if not self.has(TRACK):
             return [UNKNOWN_TRACK] * len(self._rows)
         tracks: list[int] = []
-        for line, track in enumerate(self.column(TRACK), start=2):
+        for line, track in zip(self._lines, self.column(TRACK), strict=True):
             if track is None or not isfinite(track):
                 tracks.append(UNKNOWN_TRACK)
             elif track.is_integer() and -(2**63) <= track < 2**63:

@@ -15,6 +15,7 @@ import numpy as np
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
+from lfd_replay.drive import LATEST
 
 SIGNALS = ("clearance", "relative_velocity", ACCELERATION, HOST_SPEED)
 RADAR_SIGNALS = SIGNALS[:2]
@@ -61,6 +62,8 @@ def parse_fault(text: str) -> Fault:
     start, end = float(start_text), float(end_text)
     if not start < end:
         raise UserError(f"fault '{text}': it must start before it ends")
+    if end >= LATEST:
+        raise UserError(f"fault '{text}': it must end before {LATEST} s")
     values: dict[str, float | None] = {}
     whole_radar = False
     for part in assignments.split(","):

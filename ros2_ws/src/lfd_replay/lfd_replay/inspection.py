@@ -28,6 +28,9 @@ GAP_PERIODS = 5
 LONGEST_PERIOD = {RADAR: 0.15, ACCELERATION: 0.05}
 """Seconds between samples with which an input can be judged at all."""
 
+CLOCK_OFF = 1.1
+"""How many times longer they may be: no sensor's clock is exact."""
+
 
 @dataclass(frozen=True)
 class Topic:
@@ -112,9 +115,9 @@ def _missing(inputs: dict[str, dict]) -> list[str]:
             missing.append(f"no {name} sample")
         elif figures["period_s"] is None:
             missing.append(f"{name}: one sample tells nothing")
-        elif figures["period_s"] > slowest:
+        elif figures["period_s"] > CLOCK_OFF * slowest:
             missing.append(
-                f"{name} comes every {figures['period_s']:.2f} s; "
+                f"{name} comes every {figures['period_s']:.3f} s; "
                 f"more often than every {slowest:g} s is needed"
             )
     radar = inputs[RADAR]

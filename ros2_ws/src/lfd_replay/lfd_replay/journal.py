@@ -28,12 +28,14 @@ class Task:
     arguments: tuple = field(default=())
 
 
-def fingerprint() -> str:
-    """A checksum of the code that results come from."""
+def fingerprint(recorded: Path | None = None) -> str:
+    """A checksum of the code, and of the folder of recorded drives, that results come from."""
     digest = hashlib.sha256()
+    for file in sorted(recorded.glob("*.csv")) if recorded else ():
+        digest.update(f"{file.name}\0".encode() + file.read_bytes())
     for package in (lfd_mpc, lfd_observer, lfd_diagnosis, lfd_replay):
         folder = Path(package.__file__).parent
-        for file in sorted(folder.rglob("*.py")):
+        for file in sorted((*folder.rglob("*.py"), *folder.rglob("*.dbc"))):
             digest.update(f"{file.relative_to(folder)}\0".encode() + file.read_bytes())
     return digest.hexdigest()
 
@@ -41,11 +43,11 @@ def fingerprint() -> str:
 class Journal:
     """Results by key in a file of JSON lines; those of other code do not count."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, recorded: Path | None = None) -> None:
         """Raises UserError, as `add` does, where nothing can be written."""
         self._path = path
         self.results: dict[str, Any] = {}
-        head = json.dumps({"code": fingerprint()})
+        head = json.dumps({"code": fingerprint(recorded)})
         lines = path.read_text().splitlines() if path.is_file() else []
         if lines[:1] == [head]:
             for line in lines[1:]:

@@ -57,9 +57,16 @@ def samples_to_play(drive: Drive, faults: list[Fault], options: PlayOptions) -> 
     """The drive's samples with faults applied, cut to the stretch that is played."""
     zero = drive.zero
     begin = zero + round(options.start * 1e9)
-    end = inf if options.duration == inf else begin + round(options.duration * 1e9)
+    # Beyond the drive any duration is as good as another.
+    end = begin + round(min(options.duration, drive.duration + 1.0) * 1e9)
     faulty = FaultInjector(faults, zero, options.seed).apply(drive.samples)
     return [sample for sample in faulty if begin <= sample.stamp < end]
+
+
+def played(faults: list[Fault], options: PlayOptions) -> list[Fault]:
+    """Faults of which something lies in the stretch that is played."""
+    end = options.start + options.duration
+    return [f for f in faults if f.start < end * 1e9 and f.end > options.start * 1e9]
 
 
 class PlayerNode(Node):

@@ -133,7 +133,7 @@ def evaluate_paper(
     done: Callable[[], None],
 ) -> Evaluation:
     """Run everything that `work`, the folder of earlier results, does not hold yet."""
-    journal = Journal(work / "journal.jsonl")
+    journal = Journal(work / "journal.jsonl", recorded)
     tag = _digest(settings.mpc.model_dump(), settings.bank.model_dump()) + _digest(
         settings.diagnosis.model_dump()
     )

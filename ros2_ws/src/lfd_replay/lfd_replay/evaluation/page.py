@@ -102,9 +102,10 @@ def write_evaluation_page(
     ]
     for figure in others:
         write_figure(figure, folder / "figures")
-    by_title = {title: (title, columns, rows) for title, columns, rows in summary.tables(found)}
-    *detail, injected, table_1, table_3 = list(by_title.values())[:5]
-    robust = [table for table in list(by_title.values())[5:] if table[2]]
+    every = summary.tables(found)
+    *detail, injected, table_1, table_3 = every[: summary.PAPER_TABLES]
+    detail = [table for table in detail if table[2]]
+    robust = [table for table in every[summary.PAPER_TABLES :] if table[2]]
     body = [
         *(table_html(columns, rows, title) for title, columns, rows in (table_3, table_1)),
         cases_html([figures[0] for figures in drawn]),

@@ -327,6 +327,11 @@ def _milliseconds(delay: float | None) -> str:
     return "-" if delay is None else f"{delay * 1000:.0f} ms"
 
 
+PAPER_TABLES = 6
+"""Tables of the paper's evaluation, from the details to what comes first; those of the robust
+profile follow."""
+
+
 def tables(found: Evaluation) -> list[tuple[str, tuple[str, ...], Rows]]:
     """Title, columns and rows of every table, the most important one last."""
     requirements = found.requirements
