@@ -304,7 +304,7 @@ def test_the_run_can_be_watched(simulated: Path, browser) -> None:
     assert level.text == browser.find_element(By.ID, "why").text == "no decision yet"
     browser.execute_script("at.value = 20; show();")
     assert level.text.startswith("NORMAL")
-    browser.execute_script("at.value = 100; show();")
+    browser.execute_script("at.value = 105; show();")
     assert "TAKE_OVER: STOP" in level.text
     assert "FAULT" in browser.find_element(By.ID, "verdicts").text
     why = browser.find_element(By.ID, "why").text

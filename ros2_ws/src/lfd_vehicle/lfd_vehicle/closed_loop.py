@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import nan
 
 from lfd_diagnosis.diagnosis import make_diagnosis
 from lfd_diagnosis.fault_level import DecisionMaker
 from lfd_diagnosis.verdict import Report
-from lfd_mpc.decision import Decision
+from lfd_mpc.decision import Action, Decision, FaultLevel
 from lfd_mpc.driving import DrivingMpc, DrivingState
 from lfd_mpc.horizon import Horizon
 from lfd_observer.bank import ObserverBank
@@ -62,9 +63,16 @@ class ClosedLoop:
 
     def _judge(self, horizon: Horizon) -> tuple[Report | None, Decision | None]:
         if self._maker is None:
+            self._mpc.driver.decide(_nothing_wrong(horizon))
             return None, None
         outcome = self._diagnosis.step(horizon, self._bank.step(horizon))
         decision = self._maker.step(outcome.report, outcome.reconstruction)
-        if self._heeded:
-            self._mpc.driver.decide(decision)
+        self._mpc.driver.decide(decision if self._heeded else _nothing_wrong(horizon))
         return outcome.report, decision
+
+
+def _nothing_wrong(horizon: Horizon) -> Decision:
+    """What a car that heeds no diagnosis is driven by: every sensor as it is."""
+    usable, unknown = (True,) * 4, (nan,) * 4
+    level, action = FaultLevel.NORMAL, Action.FOLLOW
+    return Decision(horizon.stamp, horizon.step, level, action, 0, "", 0.0, *usable, *unknown)
