@@ -178,7 +178,7 @@ def test_a_drive_that_was_not_judged_is_no_healthy_hour(tmp_path: Path, capfd) -
     assert [row.split()[5] for row in printed.splitlines() if ".csv" in row] == ["0.0%", "96.1%"]
     never = (
         "micro.csv: never ready: clearance, relative_velocity, radar, acceleration "
-        "(radar comes every 50000.00 s"
+        "(radar comes every 50000.000 s"
     )
     assert never in said and "seconds.csv: fault 'zero:clearance@20-21' starts after" in said
     assert said.count("seconds.csv") == 1, "nothing else is wrong with it"
