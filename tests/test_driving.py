@@ -312,6 +312,13 @@ def test_a_lost_speed_is_carried_on_for_ten_seconds_only() -> None:
     assert state.desired_clearance == pytest.approx(far, abs=0.2)
 
 
+def test_a_speed_of_another_time_is_not_carried_on() -> None:
+    driver, lost = CarDriver(CHOSEN), {"host_speed_usable": False}
+    steps_with(driver, 1000, 100)
+    assert steps_with(driver, 1, 10, lost).host_speed_source == Source.NONE
+    assert steps_with(driver, 11, 1).host_speed_source == Source.MEASURED
+
+
 def test_a_speed_that_jumped_is_carried_on_from_before_the_jump() -> None:
     """Its fault is told two steps later."""
     driver = CarDriver(CHOSEN)

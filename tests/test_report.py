@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from test_live_equals_offline import drive
 
-from lfd_diagnosis.verdict import SIGNALS, State
-from lfd_replay.drawing.panels import COVERS, INDEXED, Recording, sensor_panel, verdict_panel
+from lfd_diagnosis.verdict import COVERS, SIGNALS, State
+from lfd_replay.drawing.panels import INDEXED, Recording, sensor_panel, verdict_panel
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import PROFILES, graph_settings

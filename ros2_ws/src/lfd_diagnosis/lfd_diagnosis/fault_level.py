@@ -20,7 +20,7 @@ from collections import deque
 from math import isfinite, nan
 
 from lfd_diagnosis.settings import DecisionSettings
-from lfd_diagnosis.verdict import Kind, Reconstruction, Report, SignalVerdict, State
+from lfd_diagnosis.verdict import Kind, Reconstruction, Report, State
 from lfd_mpc.decision import Action, Decision, FaultLevel, braking_needed
 
 LOST = (State.FAULT, State.NO_DATA)
@@ -64,8 +64,8 @@ class DecisionMaker:
             for name in ("clearance", "relative_velocity", "acceleration")
         }
 
-        def usable(verdict: SignalVerdict, name: str = "") -> bool:
-            return verdict.state not in LOST and not doubted.get(name, False)
+        def usable(name: str) -> bool:
+            return getattr(report, name).state not in LOST and not doubted[name]
 
         return Decision(
             now,
@@ -75,9 +75,9 @@ class DecisionMaker:
             self._since,
             self._reason,
             self._deceleration,
-            usable(report.clearance, "clearance"),
-            usable(report.relative_velocity, "relative_velocity"),
-            usable(report.acceleration, "acceleration"),
+            usable("clearance"),
+            usable("relative_velocity"),
+            usable("acceleration"),
             report.host_speed.state not in DOUBTED,
             made.clearance if made.clearance_valid else nan,
             made.relative_velocity if made.relative_velocity_valid else nan,
@@ -153,7 +153,7 @@ class DecisionMaker:
         lately = round(self._settings.recover_after * 1e9)
         while not 0 <= now - recent[0][0] <= lately:
             recent.popleft()
-        _, *settled = max(reversed(recent), key=lambda said: (said[1], said[2]))
+        _, *settled = max(reversed(recent), key=lambda said: said[1:3])
         self._level, self._action, self._reason, self._deceleration = settled
         if (self._level, self._action) != held:
             self._since = now

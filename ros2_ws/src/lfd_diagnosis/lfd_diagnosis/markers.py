@@ -6,7 +6,7 @@ from builtin_interfaces.msg import Time
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from lfd_diagnosis.verdict import SIGNALS, Outcome, State
+from lfd_diagnosis.verdict import COVERS, SIGNALS, Outcome, State
 from lfd_mpc.horizon import Horizon
 
 CAR = (4.5, 1.8, 1.5)
@@ -64,7 +64,7 @@ def markers(horizon: Horizon, outcome: Outcome, frame: str, stamp: Time) -> Mark
         array.markers.append(as_car(marker, made.clearance, (0.2, 0.4, 0.9), 0.4))
         limits = new_marker(frame, stamp, 2, "95 % of the reconstruction", Marker.CUBE)
         limits.pose.position.x = made.clearance
-        limits.scale.x = max(2.0 * 1.96 * made.clearance_std, 0.01)
+        limits.scale.x = max(2.0 * COVERS * made.clearance_std, 0.01)
         limits.scale.y, limits.scale.z = 2.0 * CAR[1], 0.05
         limits.color = colour_of((0.2, 0.4, 0.9), 0.5)
         array.markers.append(limits)

@@ -550,11 +550,17 @@ def agrees_by_now(signal):
 
 
 @inner
+def ends_for_all_to_see(signal):
+    """Whether its fault's end is seen whatever became of the reference: it jumped back, or repeated
+    itself or was rough and is not any more."""
+    return signal.came_back or shows_itself(signal)
+
+
+@inner
 def agrees_long_enough(signal, clear_time, latch):
     """Whether a faulty signal that agrees does so for long enough to be believed."""
     needed = clear_time * (NOISE_CLEARS if signal.kind == Kind.NOISE else 1.0)
-    # Agreement with limits as wide as the fault is large says nothing: it takes a jump back. What
-    # was told by repeating itself or by being rough shows by itself when that is over.
+    # Agreement with limits as wide as the fault is large says nothing.
     off = abs(signal.agreed) > AGREED * size_to_tell(signal) * signal.agreed_scans
-    told = (signal.tellable and not off) or signal.came_back or shows_itself(signal)
+    told = (signal.tellable and not off) or ends_for_all_to_see(signal)
     return signal.agreeing >= needed and (told or not latch)

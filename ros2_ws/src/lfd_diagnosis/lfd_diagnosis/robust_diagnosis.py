@@ -29,7 +29,7 @@ from lfd_diagnosis.lead_report import (
     tells_unseen,
 )
 from lfd_diagnosis.radar_monitor import coast_radar, follow_radar
-from lfd_diagnosis.radar_signal import deviation_about, index_of, shows_itself, size_of
+from lfd_diagnosis.radar_signal import deviation_about, ends_for_all_to_see, index_of, size_of
 from lfd_diagnosis.radar_state import (
     RADAR,
     READY_SCANS,
@@ -263,8 +263,8 @@ def _judge_signal(
     _say(verdict, state, kind, index, signal.confidence, threshold, size, size_std)
     evidence.residual, evidence.limit, evidence.age = signal.residual, signal.limit, age
     evidence.outliers, evidence.because = signal.outliers, signal.because
-    told = signal.tellable or signal.came_back or shows_itself(signal)
-    evidence.tellable, evidence.must_agree = told or not settings.latch, signal.must_agree
+    evidence.tellable = signal.tellable or ends_for_all_to_see(signal) or not settings.latch
+    evidence.must_agree = signal.must_agree
 
 
 @inner

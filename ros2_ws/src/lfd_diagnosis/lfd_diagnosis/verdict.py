@@ -30,6 +30,9 @@ class Kind(IntEnum):
     DROPOUT = 6
 
 
+COVERS = 1.96
+"""Published standard deviations within which the truth lies 95 % of the time."""
+
 SIGNALS = ("clearance", "relative_velocity", "radar", "acceleration")
 """The sensors under diagnosis: names of their verdicts in a report."""
 

@@ -158,9 +158,11 @@ class CarDriver:
         speed, speed_source = self._host_speed(horizon, decision, acceleration)
         gap = settings.degraded_gap if action != Action.FOLLOW else 1.0
         # Where the speed is not known any more, as far as it was last.
-        known = max(speed if isfinite(speed) else self._speed, 0.0)
-        desired = settings.minimum_clearance + gap * settings.preview_time * known
-        if isnan(known):
+        known = speed if isfinite(speed) else self._speed
+        if isfinite(known):
+            desired = settings.minimum_clearance + gap * settings.preview_time * max(known, 0.0)
+        else:
+            # No nearer than now, where that is known.
             desired = max(settings.minimum_clearance, clearance)
         relative = nan if decision is None else decision.relative_acceleration
         lead_acceleration = relative + acceleration if isfinite(relative) else 0.0
@@ -233,7 +235,8 @@ class CarDriver:
             self._speed_stamp, self._speed = self._speeds[0]
             self._measured_at = self._speed_stamp
             self._speeds.clear()
-        if isnan(self._speed) or horizon.stamp - self._measured_at > CARRIED * 1e9:
+        since = (horizon.stamp - self._measured_at) * 1e-9
+        if isnan(self._speed) or not 0.0 <= since <= CARRIED:
             return nan, Source.NONE
         steps = max(horizon.stamp - self._speed_stamp, 0) // STEP_NS
         self._speed = max(self._speed + acceleration * steps * STEP_S, 0.0)

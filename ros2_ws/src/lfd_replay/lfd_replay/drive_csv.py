@@ -66,14 +66,12 @@ class Table:
                 f"{path}: line {len(rows) + 1}: cannot be read as CSV ({error}); cells whose "
                 "quotes are closed are expected"
             ) from error
-        if len(rows) < 2:
-            raise UserError(f"{path}: is empty; a header and at least one row are expected")
-        self.header = [name.strip() for name in rows[0]]
         # A line with nothing on it is no row.
-        self._lines = [line for line, row in enumerate(rows[1:], start=2) if row]
-        self._rows = [row for row in rows[1:] if row]
-        if not self._rows:
+        there = [(line, row) for line, row in enumerate(rows, start=1) if row]
+        if len(there) < 2:
             raise UserError(f"{path}: is empty; a header and at least one row are expected")
+        self.header = [name.strip() for name in there[0][1]]
+        self._lines, self._rows = zip(*there[1:], strict=True)
         self._refuse_long_rows()
         ended = text.endswith(("\n", "\r"))
         if not ended and len(self._rows[-1]) < len(self.header):

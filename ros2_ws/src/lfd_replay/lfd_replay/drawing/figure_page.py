@@ -118,9 +118,9 @@ def _traces(mark: Mark) -> list[Any]:
         ]  # fmt: skip
     if isinstance(mark, Band):
         # Around each stretch and back; what follows a gap is an outline of its own.
-        around = [(np.r_[x, x[::-1], np.nan], np.r_[low, high[::-1], np.nan])
-                  for x, low, high in stretches(mark)] or [([None], [None])]  # fmt: skip
-        x, y = (np.concatenate(parts) for parts in zip(*around, strict=True))
+        parts = stretches(mark)
+        x = np.concatenate([[np.nan], *(np.r_[x, x[::-1], np.nan] for x, _, _ in parts)])
+        y = np.concatenate([[np.nan], *(np.r_[low, high[::-1], np.nan] for _, low, high in parts)])
         return [
             go.Scatter(
                 x=_small(x), y=_small(y), name=mark.name, mode="lines", line={"width": 0},

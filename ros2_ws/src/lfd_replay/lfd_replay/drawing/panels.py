@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from lfd_diagnosis.fault_index import PredictionLimits
 from lfd_diagnosis.settings import DiagnosisSettings
-from lfd_diagnosis.verdict import SIGNALS, State
+from lfd_diagnosis.verdict import COVERS, SIGNALS, State
 from lfd_mpc.settings import STEP_S
 from lfd_observer.prediction_store import PredictionStore
 from lfd_replay.drawing.figures import (
@@ -38,9 +38,6 @@ Array = NDArray[np.float64]
 TIME = "drive time (s)"
 INDEXED = ("clearance", "relative_velocity", "acceleration")
 UNITS = {"clearance": "m", "relative_velocity": "m/s", "acceleration": "m/s²"}
-
-COVERS = 1.96
-"""Standard deviations within which 95 % of a normal distribution lie."""
 
 SAID = {
     "FAULT": ((State.FAULT,), FAULTY),

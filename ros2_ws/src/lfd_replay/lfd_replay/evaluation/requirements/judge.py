@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from lfd_diagnosis.verdict import Kind
+from lfd_diagnosis.verdict import COVERS, Kind
 from lfd_replay.evaluation.requirements.plan import NOISE
 from lfd_replay.evaluation.trace import JUDGED
 
@@ -366,7 +366,7 @@ def judge_rebuilt(judge: Judge, recorded: bool, host_speed: bool = True) -> None
             judge.add(f"{signal} valid while flagged", f"{steps / flagged:.1%} of {flagged} steps")
             share = sum(r["covered"] for r in rebuilt) / steps
             judge.add(
-                f"{signal} covered by 1.96 std",
+                f"{signal} covered by {COVERS} std",
                 f"{share:.1%} of {steps} steps",
                 "93 to 97 %",
                 0.93 <= share <= 0.97,

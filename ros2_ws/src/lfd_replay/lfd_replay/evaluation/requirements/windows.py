@@ -9,7 +9,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from lfd_diagnosis.verdict import State
+from lfd_diagnosis.verdict import COVERS, State
 from lfd_mpc.samples import (
     HOST_SPEED,
     LEAD_ACCELERATION,
@@ -428,7 +428,7 @@ def _rebuilt(
         off = view.rebuilt[:, k] - healthy[:, k]
         valid = flagged & np.isfinite(off)
         early = flagged & (times < start + 1.0)
-        covered = np.abs(off[valid]) <= 1.96 * view.rebuilt_std[valid, k]
+        covered = np.abs(off[valid]) <= COVERS * view.rebuilt_std[valid, k]
         result[name] = {
             "worst": _number(np.abs(off[early]).max()) if early.any() else None,
             "rms": float(np.sqrt(np.mean(off[valid] ** 2))) if valid.any() else None,
