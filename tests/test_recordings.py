@@ -743,6 +743,23 @@ def test_messages_without_a_stamp_are_counted(tmp_path: Path) -> None:
     assert said in read_drive(bag).warnings
 
 
+@pytest.mark.parametrize(("later", "runs"), [(3.9, True), (4.1, False), (1e6, False)])
+def test_inspect_tells_inputs_that_are_never_there_at_once(
+    later: float, runs: bool, tmp_path: Path, capsys
+) -> None:
+    """As of another clock, or of two recordings."""
+    car = Car("mcap")
+    rows = host_rows(car)
+    late = [("/imu/data", car.imu(t + later, 0.5)) for t in times(100.0)]
+    rows = [row for row in rows if row[0] != "/imu/data"] + late
+    found = inspected(car.write(tmp_path / "bag", rows + esr_rows(car)), tmp_path)
+    assert found["runs"] == runs
+    if not runs:
+        (said,) = found["missing"]
+        assert said.startswith("radar ends ") and said.endswith("never there at once")
+        assert said in capsys.readouterr().out
+
+
 def test_inspect_tells_gaps_and_clock_steps(tmp_path: Path) -> None:
     car = Car("mcap")
     rows = [row for row in host_rows(car) if not 101.0 < stamp_of(row[1]) * 1e-9 < 101.5]

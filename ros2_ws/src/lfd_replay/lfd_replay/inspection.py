@@ -56,7 +56,7 @@ def inspect_streams(streams: dict[str, list[Sample]]) -> dict:
     """Figures of every input; times in s, None where there is nothing to tell."""
     inputs = {name: _inspect(streams.get(name, ())) for name in INPUTS}
     stamps = [sample.stamp for stream in streams.values() for sample in stream]
-    missing = _missing(inputs)
+    missing = [*_missing(inputs), *_apart(streams)]
     return {
         "duration_s": (max(stamps) - min(stamps)) * 1e-9 if stamps else 0.0,
         "inputs": inputs,
@@ -124,6 +124,20 @@ def _missing(inputs: dict[str, dict]) -> list[str]:
     if radar["samples"] and not radar["share_with_lead"]:
         missing.append("the radar never sees a lead")
     return missing
+
+
+def _apart(streams: dict[str, list[Sample]]) -> list[str]:
+    """What the graph lacks where one input ends before another one begins, in words."""
+    spans = {
+        name: (min(sample.stamp for sample in stream), max(sample.stamp for sample in stream))
+        for name in LONGEST_PERIOD
+        if (stream := streams.get(name))
+    }
+    first, last = min(spans, key=spans.get, default=""), max(spans, key=spans.get, default="")
+    if not spans or spans[last][0] <= spans[first][1]:
+        return []
+    apart = (spans[last][0] - spans[first][1]) * 1e-9
+    return [f"{first} ends {apart:.3f} s before {last} begins: they are never there at once"]
 
 
 def remarks(figures: dict) -> list[str]:
