@@ -132,6 +132,27 @@ def test_a_lead_that_is_not_seen_stops_the_car(lost: dict) -> None:
     assert drive.on(0.02).action == ACTION.FOLLOW
 
 
+@pytest.mark.parametrize(("silent_for", "since"), [(0.48, 0.0), (0.52, 0.0), (0.3, 0.1)])
+def test_a_moments_silence_beside_a_fault_that_is_made_up_for_stops_nothing_for_good(
+    silent_for: float, since: float
+) -> None:
+    """As where a node stalls; `since`: for so long both were faulty before."""
+    drive, silent = Drive(), dict.fromkeys(("clearance", "relative_velocity"), State.NO_DATA)
+    drive.on(1.0)
+    drive.on(1.0, clearance=State.FAULT)
+    if since:
+        drive.on(since, clearance=State.FAULT, relative_velocity=State.FAULT)
+    drive.on(silent_for, **silent)
+    decision = drive.on(CHOSEN.recover_after + 0.1, clearance=State.FAULT)
+    if silent_for < CHOSEN.blind_for and not since:
+        assert decision.action == ACTION.FOLLOW_FROM_AFAR
+    else:
+        assert decision.action == ACTION.STOP and "not seen" in decision.reason
+    # A long silence after a short one counts as such.
+    assert drive.on(1.0, **silent).action == ACTION.STOP
+    assert drive.on(CHOSEN.recover_after + 0.1, clearance=State.FAULT).action == ACTION.STOP
+
+
 @pytest.mark.parametrize("lost", [("clearance",), ("clearance", "relative_velocity")])
 def test_time_that_goes_back_puts_nothing_off(lost: tuple[str, ...]) -> None:
     drive = Drive()

@@ -10,7 +10,8 @@
 
 The lead is not seen where neither of the radar's signals is to be believed, or where they drift
 apart: then one of them is wrong, and nothing says which. It is seen again when both are: one that
-is believed again beside another that is not has been held against a guess.
+is believed again beside another that is not has been held against a guess. Where they were but
+silent, for less than `blind_for`, the one that was right before is right still.
 
 A level rises at once. It falls when what raised it has been gone for `recover_after`, to the
 highest that was wanted since.
@@ -46,6 +47,7 @@ class DecisionMaker:
         self._reason, self._deceleration = "", 0.0
         self._lost_since: int | None = None
         self._blind_since: int | None = None
+        self._but_silent = False
         self._recent: deque[tuple[int, FaultLevel, Action, str, float]] = deque()
         self._lead_estimate = 0.0
         self._lead_recent: deque[float] = deque(maxlen=LEAD_MEMORY)
@@ -116,7 +118,12 @@ class DecisionMaker:
             return FaultLevel.NORMAL, Action.FOLLOW, "", 0.0
         self._lost_since = now if self._lost_since is None else min(self._lost_since, now)
         drifts = any(getattr(report, name).kind == Kind.RAMP for name in lost)
-        blind = len(lost) == 2 or drifts or self._blind_since is not None
+        unseen = len(lost) == 2 or drifts
+        if not unseen and self._was_but_silent(now):
+            self._blind_since = None
+        silent = all(getattr(report, name).state == State.NO_DATA for name in lost)
+        self._but_silent = unseen and silent and (self._but_silent or self._blind_since is None)
+        blind = unseen or self._blind_since is not None
         if blind:
             self._blind_since = now if self._blind_since is None else min(self._blind_since, now)
         why = _because(report, lost + others)
@@ -145,6 +152,12 @@ class DecisionMaker:
         if lost_for >= settings.take_over_after:
             return FaultLevel.TAKE_OVER, Action.WARN, f"it lasts; {why}", stopping
         return FaultLevel.DEGRADED, Action.FOLLOW_FROM_AFAR, why, stopping
+
+    def _was_but_silent(self, now: int) -> bool:
+        """Whether the lead was not seen for a moment's silence alone."""
+        if self._blind_since is None or not self._but_silent:
+            return False
+        return 0.0 <= (now - self._blind_since) * 1e-9 < self._settings.blind_for
 
     def _settle(self, now: int, wanted: tuple[FaultLevel, Action, str, float]) -> None:
         """Rise at once, fall late: the highest of what was wanted lately, as it was last wanted."""

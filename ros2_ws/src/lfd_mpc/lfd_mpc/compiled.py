@@ -53,6 +53,10 @@ PACKAGES = ("lfd_mpc", "lfd_observer", "lfd_diagnosis", "lfd_replay", "lfd_vehic
 NOT_COMPILED = (
     "_node.py",
     "silence.py",
+    "pairing.py",
+    "reasons.py",
+    "sensor_health.py",
+    "fault_level.py",
     "collector.py",
     "__init__.py",
     "health.py",
