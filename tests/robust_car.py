@@ -32,6 +32,7 @@ class Car:
         self.clearance, self.velocity, self.speed = 30.0, 0.0, 15.0
         self.lead_acceleration = 0.0
         self.track_id = 1
+        self.rounded: dict[str, float] = {}
         self.seen: tuple[float, float] = 30.0, 0.0
         self.scanned = -1
         self.outcomes: list[Outcome] = []
@@ -49,6 +50,9 @@ class Car:
             "host_speed": self.speed + 0.01 * noise[3],
             "lead_acceleration": self.lead_acceleration + 0.1 * noise[4],
         }
+        for name, resolution in self.rounded.items():
+            said = now[name] + faults.pop(name, 0.0)
+            now[name] = round(said / resolution) * resolution
         for name in now:
             now[name] = faults.get(f"{name}_is", now[name] + faults.get(name, 0.0))
         if self.number % SCAN == 1 and not self.radar_silent:
@@ -84,6 +88,14 @@ class Car:
         horizon = make_horizon(self.number, **fields)
         self.outcomes.append(self.diagnosis.step(horizon, self.bank.step(horizon)))
         return self.outcomes[-1]
+
+    def follow_unsteady(self, seconds: int, seed: int) -> None:
+        """Behind a lead that accelerates otherwise every second and stays about where it is."""
+        random = np.random.default_rng(seed)
+        for _ in range(seconds):
+            back = 0.05 * (self.clearance - 30.0) + 0.4 * self.velocity
+            self.lead_acceleration = float(np.clip(random.normal() - back, -2.5, 2.5))
+            self.drive(1.0)
 
     def drive(self, seconds: float, **faults: float) -> Outcome:
         """Many steps alike; returns the last outcome."""

@@ -84,6 +84,51 @@ def test_what_the_relative_velocity_did_as_its_fault_began_is_no_swing(car: Car)
     assert "(limit 0.80)" in car.outcomes[-1].report.relative_velocity.reason
 
 
+@pytest.mark.parametrize("held", [False, True])
+def test_what_the_track_was_off_after_a_silence_or_a_hold_is_no_swing(car: Car, held: bool) -> None:
+    car.lead_acceleration = 2.0
+    car.drive(0.5)
+    was = {"clearance_is": car.seen[0], "relative_velocity_is": car.seen[1]} if held else {}
+    car.radar_silent = not held
+    car.drive(4.0, **was)
+    car.radar_silent, car.lead_acceleration = False, 0.0
+    report = car.drive(5.0).report
+    assert report.relative_velocity.state == State.OK
+    assert "(limit 0.80)" in report.relative_velocity.reason
+    start = car.number
+    car.drive(0.3, relative_velocity=1.0)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_value_between_the_steps_of_a_coarse_radar_makes_it_no_finer(seed: int) -> None:
+    """As one that is made of two messages, or of a filter that settles."""
+    car = Car()
+    car.rounded = {"clearance": 1.0, "relative_velocity": 1.0}
+    car.velocity = 0.5
+    car.follow_unsteady(10, seed)
+    clearance, velocity = car.seen
+    car.drive(0.05, clearance_is=clearance + 0.4, relative_velocity_is=velocity + 0.4)
+    start = car.number
+    car.follow_unsteady(20, seed)
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize(("resolution", "seed"), [(0.5, 3), (1.0, 1), (1.0, 4)])
+def test_a_ramp_of_the_relative_velocity_is_told_beside_a_coarse_clearance(
+    resolution: float, seed: int
+) -> None:
+    car = Car()
+    car.rounded = {"clearance": resolution}
+    car.follow_unsteady(30, seed)
+    start = car.number
+    for k in range(600):
+        # It stands still beside the host, then it does not.
+        car.lead_acceleration = 0.0 if k % 200 < 100 else (0.5 if k % 400 < 200 else -0.5)
+        car.step(relative_velocity=0.005 * k)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+
+
 def test_a_reference_that_jumps_is_no_jump_back_of_the_signal() -> None:
     car = Car(relative_velocity_floor=0.2)
     car.drive(12.0)

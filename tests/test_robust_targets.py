@@ -102,6 +102,28 @@ def test_an_offset_goes_on_with_another_car_until_it_ends(car: Car) -> None:
     assert not car.faults_since(end)
 
 
+def test_a_reference_is_lost_for_the_signal_alone_that_was_faulty_then(car: Car) -> None:
+    for k in range(1000):
+        car.step(relative_velocity=0.004 * k)
+    car.track_id, car.clearance = 2, 50.0
+    report = car.drive(3.0).report
+    assert "reference lost" in report.relative_velocity.reason
+    start = car.number
+    report = car.drive(1.0, clearance=5.0).report
+    assert car.delay("clearance", start) <= 0.15
+    assert "reference lost" not in report.clearance.reason
+    assert "reference lost" in report.relative_velocity.reason
+    # The one agrees with itself for long; the other one's offset goes on all the same.
+    report = car.drive(9.0, clearance=5.0).report
+    assert report.relative_velocity.state == State.OK
+    assert report.clearance.state == State.FAULT
+    assert report.clearance.size == pytest.approx(5.0, abs=0.5)
+    end = car.number
+    assert car.drive(1.0).report.clearance.state == State.OK
+    car.drive(3.0)
+    assert not car.faults_since(end)
+
+
 def test_an_offset_that_ended_before_another_car_came_does_not_go_on(car: Car) -> None:
     car.drive(1.0, relative_velocity=2.0)
     car.drive(0.3)

@@ -17,7 +17,7 @@ GIVE = 3.0
 """Deviations beyond which a sample does not add to what is learnt."""
 
 VAGUE = 30.0
-"""How much larger than the noise's variance a prediction's may be to tell anything of it."""
+"""How much larger than the noise's variance that of a prediction may be to tell anything of it."""
 
 SAME_STAMP = 1e-4
 """Seconds below which two stamps are the same."""
@@ -118,9 +118,15 @@ def start_noise(noise, first, lowest, highest, learn, memory):
 
 
 @inner
+def is_vague(noise, predicted_variance):
+    """Whether a prediction is so uncertain that an innovation tells nothing of the signal."""
+    return predicted_variance > VAGUE * noise.variance
+
+
+@inner
 def learn_noise(noise, innovation, predicted_variance):
     """Learn from one innovation whose prediction was as uncertain as stated."""
-    if predicted_variance > VAGUE * noise.variance:
+    if is_vague(noise, predicted_variance):
         return
     noise.count += 1
     if not noise.learn:
@@ -131,6 +137,9 @@ def learn_noise(noise, innovation, predicted_variance):
     variance = noise.variance + share * (excess - noise.variance)
     noise.variance = min(max(variance, noise.lowest), noise.highest)
 
+
+LEAST_STEPS = 5
+"""Of the steps between two samples so many are kept, the least ones."""
 
 ROUGHNESS = np.dtype(
     [
@@ -144,14 +153,16 @@ ROUGHNESS = np.dtype(
         ("period", "f8"),
         ("usual", "f8"),
         ("resolution", "f8"),
+        ("least_steps", "f8", (LEAST_STEPS,)),
         ("known", "i8"),
     ],
     align=True,
 )
 """Whether a signal jumps up and down from sample to sample far more than it used to.
 
-Second differences: smooth motion, however fast, hardly has any. `resolution` is the smallest step
-seen between two samples, infinite before any was seen.
+Second differences: smooth motion, however fast, hardly has any. `resolution` is the largest of the
+`least_steps` seen between two samples, infinite before any was seen: an odd value of a coarse
+sensor makes two steps that are too small.
 """
 
 
@@ -162,6 +173,7 @@ def start_roughness(roughness, window):
     empty_roughness(roughness)
     roughness.usual = 0.0
     roughness.resolution = np.inf
+    roughness.least_steps[:] = np.inf
 
 
 @inner
@@ -206,6 +218,20 @@ def _spacing(roughness, at):
 
 
 @inner
+def _learn_step(roughness, step):
+    """One of the least steps so far."""
+    steps = roughness.least_steps
+    k = LEAST_STEPS - 1
+    while k and step < steps[k - 1]:
+        steps[k] = steps[k - 1]
+        k -= 1
+    steps[k] = step
+    for i in range(LEAST_STEPS):
+        if isfinite(steps[i]):
+            roughness.resolution = steps[i]
+
+
+@inner
 def take_roughness(roughness, at, value, healthy, possible):
     """Take one sample of time `at` (s); only healthy ones are learnt from. Second differences up to
     `possible`, in the signal's unit, are motion; what moves does so for longer where a sample is
@@ -227,8 +253,8 @@ def take_roughness(roughness, at, value, healthy, possible):
         before[0] = value
         return
     first = abs(value - before[1])
-    if EQUAL < first < roughness.resolution and healthy:
-        roughness.resolution = first
+    if EQUAL < first < roughness.least_steps[-1] and healthy:
+        _learn_step(roughness, first)
     repeats = first <= EQUAL
     square = 0.0
     if not repeats:

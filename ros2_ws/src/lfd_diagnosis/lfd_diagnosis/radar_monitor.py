@@ -10,8 +10,10 @@ from lfd_diagnosis.healthy_signal import (
     as_measured,
     at,
     excuse_repetition,
+    is_beyond_chance,
     is_new,
     is_rough,
+    is_vague,
     learn_noise,
     note_change,
     resolution_of,
@@ -51,8 +53,8 @@ from lfd_diagnosis.radar_signal import (
     count_scan,
     deviation_about,
     drifts_by,
+    forgive,
     is_bad,
-    is_held,
     learn_swing,
     may_be_outliers,
 )
@@ -62,7 +64,6 @@ from lfd_diagnosis.radar_state import (
     USUAL_BIAS,
     WANDER_TIME,
     WANDERING,
-    forgive_signal,
     go_over,
     is_either_held,
     is_radar_faulty,
@@ -132,6 +133,9 @@ DRIVES_OFF = 0.75
 
 LEADS_BACK = 0.15
 """Share of a jump of the clearance by which it may lead beside where it was before."""
+
+ONE_STEP = 1.2
+"""Steps of its resolution by which a clearance jumps at least: one step it may take any time."""
 
 ALONE = 0.5
 """Share of the limits within which a scan goes on from before the last one, if that was off."""
@@ -437,7 +441,9 @@ def _learn(signal, off, variance):
         signal.leaning += 1.0 if off > 0.0 else -1.0
     if abs(signal.leaning) <= LEANING:
         learn_noise(signal.noise, off, variance)
-        learn_swing(signal, off)
+        # After a silence or a fault it is the track that is off.
+        if not is_vague(signal.noise, variance):
+            learn_swing(signal, off)
 
 
 @inner
@@ -536,7 +542,7 @@ def _ends_a_drift(radar):
     ends, which had been taken for the clearance's."""
     jump, drift = radar.velocity.residual, drifts_by(radar.clearance, DRIFT_SEEN)
     blamed = radar.clearance.faulty and radar.clearance.because.ground == Ground.PATH
-    return blamed and not radar.lost and abs(jump - drift) < DRIFT_DOUBT * abs(jump)
+    return blamed and not radar.clearance.lost and abs(jump - drift) < DRIFT_DOUBT * abs(jump)
 
 
 @inner
@@ -545,7 +551,7 @@ def _trust_both(radar):
     clearance, velocity, track = radar.clearance, radar.velocity, radar.track
     rebase(track, clearance, radar.measured_clearance.value, True)
     rebase(track, velocity, radar.measured_velocity.value, False)
-    forgive_signal(radar, clearance)
+    forgive(clearance)
     acquit(velocity)
     clear_path(radar.path)
 
@@ -574,7 +580,8 @@ def _jumped(signal):
     """Whether it went out of its limits by one jump, not little by little: a coarse signal's steps
     are larger than they seem."""
     step = abs(at(signal.first, 0) - signal.residual_before)
-    return step > GRADUAL * signal.limit - 0.5 * resolution_of(signal.roughness)
+    resolution = resolution_of(signal.roughness)
+    return step > max(GRADUAL * signal.limit - 0.5 * resolution, ONE_STEP * resolution)
 
 
 @inner
@@ -621,7 +628,9 @@ def _explain(radar, settings, difference, limit, reach):
     if may_be_held and abs(radar.off_while_held) > 0.5 * abs(difference):
         # Then it is not the clearance that drifts: in a moment the relative velocity tells.
         return
-    held = is_held(clearance) and abs(radar.travelled_while_held) > 0.5 * abs(difference)
+    # That of a coarse radar repeats itself though nothing is held.
+    repeats_itself = is_beyond_chance(clearance.repetition, clearance.repetition.run)
+    held = repeats_itself and abs(radar.travelled_while_held) > 0.5 * abs(difference)
     excess, noise = abs(difference) / limit, clearance.noise.variance
     explain_drift(path, settings, reach, excess, held, noise, drift)
     if drift.shifted:

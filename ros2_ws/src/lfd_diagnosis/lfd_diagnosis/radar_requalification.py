@@ -11,9 +11,11 @@ from lfd_diagnosis.radar_signal import (
     came_back_and_shifts,
     deviation_about,
     follow_agreement,
+    forgive,
     has_not_jumped_back,
     has_stopped,
     is_bad,
+    lose_reference,
     may_have_shifted,
     restart_agreement,
     returned_to,
@@ -21,7 +23,7 @@ from lfd_diagnosis.radar_signal import (
     size_to_tell,
     still_shows,
 )
-from lfd_diagnosis.radar_state import forgive_signal, is_radar_faulty, wander_of
+from lfd_diagnosis.radar_state import is_radar_faulty, is_reference_lost, wander_of
 from lfd_diagnosis.radar_target import begin_target
 from lfd_diagnosis.travelled_path import (
     LEAST_TIME,
@@ -55,7 +57,7 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
     if of_clearance:
         step -= track.velocity * period
     if _rebase_where_undone(radar, settings, signal, measured, of_clearance, repeated, step):
-        forgive_signal(radar, signal)
+        forgive(signal)
         return
     spread = deviation_about(signal, track.cc if of_clearance else track.vv)
     agreeing = follow_agreement(signal, period, step, spread, settings.gate_sigma)
@@ -73,21 +75,21 @@ def requalify(radar, settings, signal, measured, of_clearance, repeated):
             agreeing = False
     signal.must_agree = needed if agreeing and needed > settings.clear_time else 0.0
     agrees = agreeing and agrees_long_enough(signal, needed, latch)
-    carried = of_clearance and radar.carried and not radar.velocity.faulty
+    carried = of_clearance and signal.carried and not radar.velocity.faulty
     if carried and not agreeing:
         signal.must_agree = settings.requalify_time
-    if carried and measured.at - radar.carried_since >= settings.requalify_time:
+    if carried and measured.at - signal.carried_since >= settings.requalify_time:
         # Nothing else would tell that it ended in between.
         rebase(track, signal, measured.value, of_clearance)
         agrees = True
-    if radar.lost:
+    if signal.lost:
         # A new target: its own agreement with itself must do, but for longer, unless the fault
         # would show itself.
         if not agreeing:
-            radar.lost_since = measured.at
+            signal.lost_since = measured.at
         needed = settings.clear_time if shows_itself(signal) else settings.requalify_time
         signal.must_agree = needed
-        agrees = agreeing and measured.at - radar.lost_since >= needed
+        agrees = agreeing and measured.at - signal.lost_since >= needed
     if agrees:
         _end_fault(radar, settings, signal, measured, of_clearance)
 
@@ -100,11 +102,11 @@ def _rebase_where_undone(radar, settings, signal, measured, of_clearance, repeat
     track = radar.track
     disagrees = not signal.agreeing and not still_shows(signal)
     shifted = of_clearance and is_bad(signal) and abs(signal.residual) <= settings.largest_shift
-    if disagrees and (radar.lost or (shows_itself(signal) and shifted)):
+    if disagrees and (signal.lost or (shows_itself(signal) and shifted)):
         # Where nothing is known of a target, agreement with what it says begins anew. And while it
         # was held a clearance may have gone over to another part of the car.
         rebase(track, signal, measured.value, of_clearance)
-    elif not radar.lost:
+    elif not signal.lost:
         said = signal.residual if of_clearance else measured.value
         level, rise = returned_to(signal, said, repeated)
         if isfinite(level):
@@ -122,14 +124,14 @@ def _rebase_where_undone(radar, settings, signal, measured, of_clearance, repeat
 
 @inner
 def _end_fault(radar, settings, signal, measured, of_clearance):
-    forgive_signal(radar, signal)
+    went_on = signal.carried
+    forgive(signal)
     if not is_radar_faulty(radar):
         # What was followed while it was faulty tells nothing about it now.
         clear_path(radar.path)
-    elif radar.carried and not of_clearance:
+    elif went_on and not of_clearance:
         # One of two faults that went on with another target did not: did the other?
-        radar.lost, radar.lost_since = True, measured.at
-        radar.carried = False
+        lose_reference(radar.clearance, measured.at)
         begin_target(radar, settings, radar.id)
 
 
@@ -184,7 +186,7 @@ def look_for_agreement(radar, settings):
     """
     clearance, velocity, path = radar.clearance, radar.velocity, radar.path
     over = shows_itself(clearance) and (shows_itself(velocity) or not velocity.faulty)
-    if radar.lost or not (velocity.faulty or over):
+    if is_reference_lost(radar) or not (velocity.faulty or over):
         return
     if still_shows(clearance) or still_shows(velocity):
         clear_path(path)
@@ -199,8 +201,9 @@ def look_for_agreement(radar, settings):
     if abs(path_drift(path, settings, limit)) >= 0.5 * limit:
         return
     if over:
-        forgive_signal(radar, clearance)
-        forgive_signal(radar, velocity)
+        forgive(clearance)
+        forgive(velocity)
     else:
-        radar.lost, radar.lost_since = True, at
+        lose_reference(clearance, at)
+        lose_reference(velocity, at)
     begin_target(radar, settings, radar.id)

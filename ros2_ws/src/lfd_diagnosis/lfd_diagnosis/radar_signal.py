@@ -116,6 +116,10 @@ RADAR_SIGNAL = np.dtype(
         ("at_once", "?"),
         ("jumped_back_at", "f8"),
         ("must_agree", "f8"),
+        ("lost", "?"),
+        ("lost_since", "f8"),
+        ("carried", "?"),
+        ("carried_since", "f8"),
         ("first", RING),
         ("recent", RING),
         ("said", RING),
@@ -132,8 +136,10 @@ RADAR_SIGNAL = np.dtype(
 clearance: beyond the path travelled), `at_once` whether that was undone from one scan to the next
 since it agrees, `jumped_back_at` when its last jump was if it was that way, `must_agree` for how
 long what agrees must go on where that is longer than usual, `history` times and residuals of a
-drift. In shares of `floor`: `roughest`, the largest healthy residual, `swung`, that of some
-minutes, and `swings`, a larger one `swings_for` scans ago.
+drift. `lost_since` counts while the reference of a faulty signal is `lost`: another target came;
+`carried_since` while its offset is taken to go on with that (`carried`). In shares of `floor`:
+`roughest`, the largest healthy residual, `swung`, that of some minutes, and `swings`, a larger one
+`swings_for` scans ago.
 """
 
 
@@ -299,9 +305,24 @@ def acquit(signal):
 
 
 @inner
+def lose_reference(signal, at):
+    """Nothing is left that a faulty signal could be told from, since a time in s."""
+    if signal.faulty:
+        signal.lost, signal.lost_since, signal.carried = True, at, False
+
+
+@inner
+def carry(signal, at):
+    """The offset of a faulty signal goes on with another target, since a time in s."""
+    if signal.faulty:
+        signal.carried, signal.carried_since = True, at
+
+
+@inner
 def convict(signal, kind, confidence):
     """Faulty from now on; its `because` is for the caller to state."""
     signal.faulty, signal.kind, signal.faulty_scans = True, kind, 0
+    signal.lost = signal.carried = False
     signal.confidence = confidence
     signal.estimate = signal.size = signal.residual
     if not signal.first.count:
@@ -320,6 +341,7 @@ def convict(signal, kind, confidence):
 def forgive(signal):
     """Healthy from now on."""
     signal.faulty, signal.kind = False, Kind.UNKNOWN
+    signal.lost = signal.carried = False
     signal.because.ground = 0
     signal.confidence, signal.tellable, signal.must_agree = 0, True, 0.0
     start_ring(signal.first, FIRST)

@@ -109,18 +109,13 @@ RADAR = np.dtype(
         ("agreed_path", "f8"),
         ("shifted_at", "f8"),
         ("elsewhere", "f8"),
-        ("lost", "?"),
-        ("lost_since", "f8"),
-        ("carried", "?"),
-        ("carried_since", "f8"),
         ("leap", LEAP),
     ],
     align=True,
 )
-"""State of one radar's two signals and of its target; `lost_since` (s) counts while `lost`,
-`carried_since` while an offset is taken to go on with another target (`carried`). `before` is the
-track as it was at `before_at` (s), when the last scan was not yet taken. While it is `unseen` the
-radar says that it sees no lead; `followed`: scans that it was seen in, less what was lost of it.
+"""State of one radar's two signals and of its target. `before` is the track as it was at
+`before_at` (s), when the last scan was not yet taken. While it is `unseen` the radar says that it
+sees no lead; `followed`: scans that it was seen in, less what was lost of it.
 
 `most_at_once` (m) is by how much the clearance left the path of a relative velocity that repeats
 itself within a few scans, `off_lately` how far it was off in them, `least_off` and `most_off` (m)
@@ -147,7 +142,6 @@ def start_radar(radar, settings):
     )
     start_path(radar.path, learn)
     radar.host_moves, radar.host_speed, radar.period = True, np.nan, FIRST_PERIOD
-    radar.lost = radar.carried = False
     start_target(radar, settings)
 
 
@@ -178,8 +172,8 @@ def start_target(radar, settings):
 def restart_radar(radar, settings):
     """Nothing from before counts, faults neither; what was learnt of the noise stays."""
     start_target(radar, settings)
-    forgive_signal(radar, radar.clearance)
-    forgive_signal(radar, radar.velocity)
+    forgive(radar.clearance)
+    forgive(radar.velocity)
 
 
 @inner
@@ -195,12 +189,9 @@ def is_radar_faulty(radar):
 
 
 @inner
-def forgive_signal(radar, signal):
-    """Healthy from now on; once both signals are, there is no fault that anything else could tell
-    from another target's."""
-    forgive(signal)
-    if not is_radar_faulty(radar):
-        radar.lost = radar.carried = False
+def is_reference_lost(radar):
+    """Whether there is a faulty signal that nothing can be told from."""
+    return radar.clearance.lost or radar.velocity.lost
 
 
 @inner

@@ -22,9 +22,12 @@ from lfd_diagnosis.new_target import follow_leap, forget_leap, is_far, is_new_ta
 from lfd_diagnosis.radar_signal import (
     agrees_by_now,
     begin_to_judge,
+    carry,
     deviation_about,
+    forgive,
     is_bad,
     is_known_offset,
+    lose_reference,
     offset_of,
 )
 from lfd_diagnosis.radar_state import (
@@ -35,9 +38,9 @@ from lfd_diagnosis.radar_state import (
     SETTLING,
     clearance_now,
     cut_path,
-    forgive_signal,
     go_over,
     is_radar_faulty,
+    is_reference_lost,
     limits_about,
 )
 from lfd_mpc.compiled import inner
@@ -83,13 +86,14 @@ def change_target(radar, at):
     that they could be told from."""
     for signal in (radar.clearance, radar.velocity):
         if signal.faulty and agrees_by_now(signal):
-            forgive_signal(radar, signal)
-    if not is_radar_faulty(radar):
-        return
-    if is_known_offset(radar.clearance) and is_known_offset(radar.velocity) and not radar.lost:
-        radar.carried, radar.carried_since = True, at
-    else:
-        radar.lost, radar.lost_since = True, at
+            forgive(signal)
+    known = is_known_offset(radar.clearance) and is_known_offset(radar.velocity)
+    goes_on = known and not is_reference_lost(radar)
+    for signal in (radar.clearance, radar.velocity):
+        if goes_on:
+            carry(signal, at)
+        else:
+            lose_reference(signal, at)
 
 
 @inner
@@ -98,7 +102,7 @@ def begin_target(radar, settings, track_id):
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
     mean = settings.lead_acceleration_mean
     off_clearance = off_velocity = 0.0
-    goes_on = is_radar_faulty(radar) and not radar.lost
+    goes_on = is_radar_faulty(radar) and not is_reference_lost(radar)
     if goes_on:
         off_clearance, off_velocity = offset_of(radar.clearance), offset_of(radar.velocity)
     relative = velocity.value - off_velocity

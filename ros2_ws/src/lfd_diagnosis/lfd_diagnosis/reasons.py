@@ -141,7 +141,7 @@ def _radar_signal(
     else:
         words = _words(because)
     reason = f"{KIND_WORDS[verdict.kind]} by {words}"
-    if radar.lost:
+    if evidence.lost:
         long = f" for {evidence.must_agree:g} s" if evidence.must_agree else ""
         return f"{reason}; reference lost: a new target must agree{long}"
     reason += f"; now {now}"

@@ -35,6 +35,7 @@ from lfd_diagnosis.radar_state import (
     READY_SCANS,
     is_radar_faulty,
     is_ready,
+    is_reference_lost,
     radar_deviations,
     restart_radar,
     start_radar,
@@ -67,6 +68,7 @@ RADAR_EVIDENCE = np.dtype(
         ("because", BECAUSE),
         ("tellable", "?"),
         ("must_agree", "f8"),
+        ("lost", "?"),
     ],
     align=True,
 )
@@ -78,7 +80,6 @@ ROBUST_EVIDENCE = np.dtype(
         ("relative_velocity", RADAR_EVIDENCE),
         ("scans", "i8"),
         ("unseen", "?"),
-        ("lost", "?"),
         ("has_track", "?"),
         ("clearance_std", "f8"),
         ("relative_velocity_std", "f8"),
@@ -265,6 +266,7 @@ def _judge_signal(
     evidence.outliers, evidence.because = signal.outliers, signal.because
     evidence.tellable = signal.tellable or ends_for_all_to_see(signal) or not settings.latch
     evidence.must_agree = signal.must_agree
+    evidence.lost = signal.lost or signal.carried
 
 
 @inner
@@ -299,7 +301,6 @@ def _judge_radar(state, settings, horizon, outcome):
     evidence.scans = min(radar.scans, READY_SCANS)
     evidence.unseen = not horizon.has_target
     evidence.anew = state.anew
-    evidence.lost = radar.lost or radar.carried
 
 
 @inner
@@ -367,7 +368,7 @@ def _reconstruct(state, settings, seen, relative, outcome):
     """Each signal from everything but a faulty one; of a lead that is not `seen` nothing is."""
     radar, acceleration = state.radar, state.acceleration
     made, evidence = outcome.reconstructed, outcome.evidence
-    tracked = seen and not radar.lost
+    tracked = seen and not is_reference_lost(radar)
     clearance_std, velocity_std = radar_deviations(radar)
     evidence.has_track = tracked
     evidence.clearance_std, evidence.relative_velocity_std = clearance_std, velocity_std
