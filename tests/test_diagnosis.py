@@ -188,6 +188,16 @@ def test_a_horizon_waits_little_for_an_answer_that_was_overtaken() -> None:
     assert pairing.add_bank(banks[2], 0.2 + OVERTAKEN) == in_order
 
 
+def test_simulated_time_without_any_clock_excuses_no_silence_for_long() -> None:
+    """As where nobody plays the clock that the node was told to follow."""
+    watch = SilenceWatch(0.0)
+    watch.heard(5.0)
+    told = [watch.silent(5.0 + CLOCK_LOST + off, True) for off in (-0.1, 0.0, 0.01, 0.04)]
+    assert told == [False, False, False, True]
+    watch.heard(8.0)
+    assert not watch.silent(8.5, True) and not watch.silent(8.53, True)
+
+
 def test_a_pause_of_simulated_time_is_no_silence_but_a_dead_clock_is() -> None:
     watch = SilenceWatch(0.0)
 

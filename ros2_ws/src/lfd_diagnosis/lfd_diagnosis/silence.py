@@ -13,7 +13,8 @@ BURSTS, OFTEN, MEMORY = 1.5, 3, 2.0
 are remembered: one pause alone is none that may come again."""
 
 CLOCK_LOST = 2.0
-"""Seconds without a /clock message after which simulated time no longer holds the wall clock."""
+"""Seconds without a /clock message after which simulated time no longer holds the wall clock; where
+none ever came, since the last step: before the first one it may be that a replay has not begun."""
 
 
 class SilenceWatch:
@@ -23,7 +24,7 @@ class SilenceWatch:
         """`wall`: present wall time in s."""
         self._heard = wall
         self._pauses: deque[tuple[float, float]] = deque(maxlen=100)
-        self._suspected = False
+        self._stepped = self._suspected = False
         self._clock_heard: float | None = None
         self._simulated = 0.0
         self._simulated_heard: float | None = None
@@ -40,7 +41,7 @@ class SilenceWatch:
         if LIMIT / 2.0 < pause < LONGEST:
             self._pauses.append((wall, pause))
         self._heard = wall
-        self._suspected = False
+        self._stepped, self._suspected = True, False
         self._simulated_heard = self._simulated
 
     @property
@@ -68,7 +69,7 @@ class SilenceWatch:
         if not simulated_time:
             return True
         if self._clock_heard is None or self._simulated_heard is None:
-            return False
+            return self._stepped and wall - self._heard > CLOCK_LOST
         if wall - self._clock_heard > CLOCK_LOST:
             return True
         return self._simulated - self._simulated_heard > self.limit
