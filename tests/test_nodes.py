@@ -309,11 +309,14 @@ def test_silent_sensors_and_an_empty_road_are_told_apart(graph: Graph) -> None:
 def test_when_nothing_arrives_the_wall_timer_says_no_data(graph: Graph) -> None:
     rig = DiagnosisRig(graph)
     rig.fill()
+    stepped = rig.reports.messages[-1]
     graph.spin_until(lambda: rig.reports.messages[-1].step == 0, "a report of no step", 3.0)
     report = rig.reports.messages[-1]
     for fault in (report.clearance, report.relative_velocity, report.radar, report.acceleration):
         assert fault.state == SignalFault.NO_DATA
         assert fault.reason.endswith("nothing arrives at all")
+    silent_for = (from_time(report.header.stamp) - from_time(stepped.header.stamp)) * 1e-9
+    assert 0.1 <= silent_for <= 3.0, "in the stamps' own time"
     assert rig.step().clearance.state == SignalFault.OK
 
 

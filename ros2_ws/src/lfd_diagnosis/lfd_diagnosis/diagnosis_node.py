@@ -93,6 +93,7 @@ class DiagnosisNode(Node):
         self._core = make_diagnosis(settings)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self._watch = SilenceWatch(time.monotonic())
+        self._stamp: int | None = None
         self.create_timer(
             WATCH_PERIOD, self._on_watch, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
@@ -146,6 +147,7 @@ class DiagnosisNode(Node):
                 continue
             now = time.monotonic()
             self._watch.heard(now)
+            self._stamp = horizon.stamp
             self._health.step(now, horizon.stamp, now - begin)
             self._publish(outcome.report, outcome.events)
             self._reconstructed.publish(to_message(outcome.reconstruction, self._rebuilt))
@@ -167,8 +169,15 @@ class DiagnosisNode(Node):
     def _on_watch(self) -> None:
         now = time.monotonic()
         self._answer(self._pairing.complete(now))
-        if self._watch.silent(now, self.get_parameter("use_sim_time").value):
-            self._publish(*self._core.silence(self.get_clock().now().nanoseconds))
+        simulated = self.get_parameter("use_sim_time").value
+        if not self._watch.silent(now, simulated):
+            return
+        if self._stamp is None or simulated:
+            stamp = self.get_clock().now().nanoseconds
+        else:
+            # Sensors may be stamped by another clock than this node's, as in a recording.
+            stamp = self._stamp + round(self._watch.since_heard(now) * 1e9)
+        self._publish(*self._core.silence(stamp))
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._core.reset()

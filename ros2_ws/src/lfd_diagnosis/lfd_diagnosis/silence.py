@@ -54,6 +54,10 @@ class SilenceWatch:
         usual = sorted(pause for _, pause in self._pauses)[-OFTEN]
         return min(max(LIMIT, BURSTS * usual), LONGEST)
 
+    def since_heard(self, wall: float) -> float:
+        """Seconds since the last step was answered, or since the watch began."""
+        return wall - self._heard
+
     def silent(self, wall: float, simulated_time: bool) -> bool:
         """Whether to say now that nothing arrives; `simulated_time`: /clock is to be followed.
 
@@ -64,12 +68,12 @@ class SilenceWatch:
         return before and self._suspected
 
     def _is_silent(self, wall: float, simulated_time: bool) -> bool:
-        if wall - self._heard <= self.limit:
+        if self.since_heard(wall) <= self.limit:
             return False
         if not simulated_time:
             return True
         if self._clock_heard is None or self._simulated_heard is None:
-            return self._stepped and wall - self._heard > CLOCK_LOST
+            return self._stepped and self.since_heard(wall) > CLOCK_LOST
         if wall - self._clock_heard > CLOCK_LOST:
             return True
         return self._simulated - self._simulated_heard > self.limit
