@@ -31,7 +31,7 @@ class Car:
         self.has_target = True
         self.clearance, self.velocity, self.speed = 30.0, 0.0, 15.0
         self.lead_acceleration = 0.0
-        self.track_id = 1
+        self.track_id, self.scan = 1, SCAN
         self.rounded: dict[str, float] = {}
         self.seen: tuple[float, float] = 30.0, 0.0
         self.scanned = -1
@@ -55,7 +55,7 @@ class Car:
             now[name] = round(said / resolution) * resolution
         for name in now:
             now[name] = faults.get(f"{name}_is", now[name] + faults.get(name, 0.0))
-        if self.number % SCAN == 1 and not self.radar_silent:
+        if self.number % self.scan == 1 and not self.radar_silent:
             self.seen, self.scanned = (now["clearance"], now["relative_velocity"]), self.number
         age = 0.01 * (self.number - self.scanned)
         clearance, velocity = self.seen

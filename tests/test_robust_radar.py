@@ -100,6 +100,21 @@ def test_what_the_track_was_off_after_a_silence_or_a_hold_is_no_swing(car: Car, 
     assert car.faults_since(start) == {"relative_velocity", "radar"}
 
 
+def test_a_slow_radar_that_swung_may_swing_as_far_again() -> None:
+    """Where scans are rare nothing is known as well as the noise is small."""
+    car = Car()
+    car.scan = 15
+    car.drive(4.0)
+    for _ in range(2):
+        # For two scans; still within the limits.
+        car.drive(0.02 * car.scan, relative_velocity=0.7)
+        car.drive(4.0)
+    start = car.number
+    car.drive(0.02 * car.scan, relative_velocity=0.95)
+    car.drive(2.0)
+    assert not car.faults_since(start)
+
+
 @pytest.mark.parametrize("seed", [1, 3])
 def test_a_value_between_the_steps_of_a_coarse_radar_makes_it_no_finer(seed: int) -> None:
     """As one that is made of two messages, or of a filter that settles."""

@@ -124,6 +124,21 @@ def test_a_reference_is_lost_for_the_signal_alone_that_was_faulty_then(car: Car)
     assert not car.faults_since(end)
 
 
+def test_a_fault_that_began_behind_one_that_went_on_outlasts_it(car: Car) -> None:
+    car.drive(5.0, relative_velocity=3.0)
+    car.track_id, car.clearance = 2, 50.0
+    car.drive(1.0)
+    start = car.number
+    car.drive(8.0, clearance=5.0)
+    states = [outcome.report.clearance.state for outcome in car.outcomes[start + 15 :]]
+    assert set(states) == {State.FAULT}
+    assert car.outcomes[-1].report.relative_velocity.state == State.OK
+    end = car.number
+    assert car.drive(1.0).report.clearance.state == State.OK
+    car.drive(3.0)
+    assert not car.faults_since(end)
+
+
 def test_an_offset_that_ended_before_another_car_came_does_not_go_on(car: Car) -> None:
     car.drive(1.0, relative_velocity=2.0)
     car.drive(0.3)

@@ -118,15 +118,9 @@ def start_noise(noise, first, lowest, highest, learn, memory):
 
 
 @inner
-def is_vague(noise, predicted_variance):
-    """Whether a prediction is so uncertain that an innovation tells nothing of the signal."""
-    return predicted_variance > VAGUE * noise.variance
-
-
-@inner
 def learn_noise(noise, innovation, predicted_variance):
     """Learn from one innovation whose prediction was as uncertain as stated."""
-    if is_vague(noise, predicted_variance):
+    if predicted_variance > VAGUE * noise.variance:
         return
     noise.count += 1
     if not noise.learn:

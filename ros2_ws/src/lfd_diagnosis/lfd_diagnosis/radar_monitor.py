@@ -1,6 +1,6 @@
 """The radar's two signals held against the lead's track, scan by scan (robust profile)."""
 
-from math import exp, isfinite
+from math import exp, isfinite, sqrt
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from lfd_diagnosis.healthy_signal import (
     is_beyond_chance,
     is_new,
     is_rough,
-    is_vague,
     learn_noise,
     note_change,
     resolution_of,
@@ -56,6 +55,7 @@ from lfd_diagnosis.radar_signal import (
     forgive,
     is_bad,
     learn_swing,
+    least_limit,
     may_be_outliers,
 )
 from lfd_diagnosis.radar_state import (
@@ -407,9 +407,9 @@ def _judge(radar, settings, repeated):
         if has_clearance:
             # What it lies beside the track for good is no noise: that would widen the limits and
             # leave the track to the relative velocity alone, which takes it further away.
-            _learn(clearance, clearance.residual - clearance.bias, clearance_variance)
+            _learn(clearance, settings, clearance.residual - clearance.bias, clearance_variance)
         if has_velocity:
-            _learn(velocity, velocity.residual, velocity_variance)
+            _learn(velocity, settings, velocity.residual, velocity_variance)
     if has_clearance and good_clearance:
         variance = clearance.noise.variance
         if velocity.faulty:
@@ -431,7 +431,7 @@ def _judge(radar, settings, repeated):
 
 
 @inner
-def _learn(signal, off, variance):
+def _learn(signal, settings, off, variance):
     """Noise is now on this side, now on that; what stays on one side is something else."""
     # The steps of a coarse signal are noise, though they stay on one side for a while.
     usual = LEANS * deviation_about(signal, variance) + resolution_of(signal.roughness)
@@ -442,7 +442,7 @@ def _learn(signal, off, variance):
     if abs(signal.leaning) <= LEANING:
         learn_noise(signal.noise, off, variance)
         # After a silence or a fault it is the track that is off.
-        if not is_vague(signal.noise, variance):
+        if settings.gate_sigma * sqrt(variance) <= least_limit(signal):
             learn_swing(signal, off)
 
 

@@ -129,7 +129,7 @@ def _end_fault(radar, settings, signal, measured, of_clearance):
     if not is_radar_faulty(radar):
         # What was followed while it was faulty tells nothing about it now.
         clear_path(radar.path)
-    elif went_on and not of_clearance:
+    elif went_on and not of_clearance and radar.clearance.carried:
         # One of two faults that went on with another target did not: did the other?
         lose_reference(radar.clearance, measured.at)
         begin_target(radar, settings, radar.id)
