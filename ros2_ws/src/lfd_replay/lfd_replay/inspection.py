@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -133,10 +134,12 @@ def _apart(streams: dict[str, list[Sample]]) -> list[str]:
         for name in LONGEST_PERIOD
         if (stream := streams.get(name))
     }
-    first, last = min(spans, key=spans.get, default=""), max(spans, key=spans.get, default="")
-    if not spans or spans[last][0] <= spans[first][1]:
+    if len(spans) < len(LONGEST_PERIOD):
         return []
-    apart = (spans[last][0] - spans[first][1]) * 1e-9
+    (first, (_, end)), (last, (begin, _)) = sorted(spans.items(), key=itemgetter(1))
+    if begin <= end:
+        return []
+    apart = (begin - end) * 1e-9
     return [f"{first} ends {apart:.3f} s before {last} begins: they are never there at once"]
 
 
