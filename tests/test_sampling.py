@@ -212,6 +212,75 @@ def test_time_that_really_goes_back_restarts() -> None:
     assert not steps[-1].clearance.stale and steps[-1].refused_samples == 0
 
 
+@pytest.mark.parametrize("lone", [radar, accel])
+def test_a_lone_sensor_whose_clock_goes_back_stays_refused(lone) -> None:
+    sampler = Sampler()
+    healthy(sampler, 10_000, 10_500)
+    steps = []
+    for ms in range(10_500, 14_000, 10):
+        if ms % 50 == 0:
+            steps += run(sampler, radar(ms - 5000 * (lone is radar)))
+        steps += run(sampler, accel(ms - 5000 * (lone is accel)))
+    assert not any(step.restart_reason for step in steps)
+    assert steps[-1].stamp >= 13_900 * MS and steps[-1].refused_samples >= 65
+
+
+def test_samples_that_arrive_in_the_wrong_order_are_refused_without_a_restart() -> None:
+    sampler = Sampler()
+    healthy(sampler, 0, 100)
+    steps = run(sampler, accel(100), accel(130), accel(110), accel(120), accel(140))
+    assert times(steps) == [100.0, 110.0, 120.0, 130.0, 140.0]
+    assert not any(step.restart_reason for step in steps) and steps[-1].refused_samples == 2
+
+
+def test_a_lone_input_may_go_back_after_a_second() -> None:
+    sampler = Sampler()
+    healthy(sampler, 5000, 8000)
+    steps = [s for ms in range(0, 1100, 10) for s in sampler.push(accel(ms))]
+    assert steps[0].restart_reason == "time went back by 7.990 s"
+    assert steps[-1].stamp == 1090 * MS
+
+
+@pytest.mark.parametrize("off", [3_600_000, -3_600_000])
+@pytest.mark.parametrize("wrong", [radar, accel, speed])
+@pytest.mark.parametrize("first", [True, False])
+def test_one_input_whose_clock_is_wrong_from_the_start_is_outvoted(
+    first: bool, wrong, off: int
+) -> None:
+    """Whether it is heard first or last."""
+    sampler, start = Sampler(), 4_000_000
+    rest = [make for make in (radar, accel, speed) if make is not wrong]
+    made = []
+    for ms in range(start, start + 2000, 10):
+        makers = [wrong, *rest] if first else [*rest, wrong]
+        for make in makers:
+            if make is accel or ms % 50 == 0:
+                made += run(sampler, make(ms + off * (make is wrong)))
+    right = [step for step in made if abs(step.stamp - start * MS) < 2_000_000_000]
+    assert made[-1] is right[-1] and right[-1].stamp >= (start + 1900) * MS
+    assert [step for step in made if step.restart_reason][-1].stamp <= (start + 100) * MS
+    assert right[-1].refused_samples >= 35
+    stale = {
+        radar: right[-1].clearance.stale,
+        accel: right[-1].acceleration.stale,
+        speed: right[-1].host_speed.stale,
+    }
+    assert stale == {make: make is wrong for make in stale}
+
+
+def test_a_wrong_clock_that_was_alone_for_a_while_is_outvoted() -> None:
+    sampler = Sampler()
+    healthy(sampler, 4_000_000, 4_001_000)
+    for ms in range(4_001_000, 4_004_000, 50):
+        run(sampler, speed(ms + 3_600_000))
+    made = []
+    for ms in range(4_004_000, 4_005_000, 10):
+        if ms % 50 == 0:
+            made += run(sampler, speed(ms + 3_600_000), radar(ms))
+        made += run(sampler, accel(ms))
+    assert made[-1].stamp == 4_004_990 * MS and not made[-1].clearance.stale
+
+
 def test_a_jump_forward_of_all_inputs_restarts() -> None:
     sampler = Sampler()
     healthy(sampler, 0, 1000)

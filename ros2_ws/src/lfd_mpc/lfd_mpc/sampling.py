@@ -149,9 +149,11 @@ SAMPLER = np.dtype(
         ("late", "i8"),
         ("refused", "i8"),
         ("bad", "i8"),
-        # A sample whose stamp does not fit waits here for a second one that confirms it.
+        # A sample whose stamp does not fit waits here for another one that confirms it;
+        # `contradicted` where one has fitted since.
         ("odd", SAMPLE),
         ("is_odd", "?"),
+        ("contradicted", "?"),
         # What a sample has set off and `next_step` carries out.
         ("releasing", "?"),
         ("limit", "i8"),
@@ -255,7 +257,8 @@ def start_sampler(samplers):
     _start_epoch(sampler.epoch)
     sampler.restart = Restart.START
     sampler.step = sampler.late = sampler.refused = sampler.bad = sampler.held_count = 0
-    sampler.is_odd = sampler.releasing = sampler.restarting = sampler.held_fits = False
+    sampler.is_odd = sampler.contradicted = False
+    sampler.releasing = sampler.restarting = sampler.held_fits = False
 
 
 @inner
@@ -338,25 +341,22 @@ def _drop_odd(sampler):
 
 @inner
 def _jump(sampler, sample):
-    """A stamp that went backwards, or far ahead: believed if a second sample agrees."""
+    """A stamp that went backwards, or far ahead: believed if a second input agrees."""
     newest, stamp, odd = sampler.epoch.newest, sample.stamp, sampler.odd
     ahead = stamp > newest
     confirmed = False
     if sampler.is_odd and (odd.stamp > newest) == ahead:
-        close = abs(stamp - odd.stamp) <= AHEAD_NS
         if odd.input != sample.input:
-            confirmed = close
-        elif ahead:
+            confirmed = abs(stamp - odd.stamp) <= AHEAD_NS
+        elif not sampler.contradicted:
             # A lone input may have skipped: it is believed once nothing contradicts it for long.
-            if close and stamp > odd.stamp:
+            if 0 < stamp - odd.stamp <= AHEAD_NS:
                 sampler.refused += 1
                 return
             confirmed = AHEAD_NS < stamp - odd.stamp <= 2 * AHEAD_NS
-        else:
-            confirmed = close and stamp > odd.stamp
     if not confirmed:
         _drop_odd(sampler)
-        sampler.odd, sampler.is_odd = sample, True
+        sampler.odd, sampler.is_odd, sampler.contradicted = sample, True, False
         return
     sampler.is_odd = False
     sampler.held[0], sampler.held_count = sample, 1
@@ -372,11 +372,20 @@ def _jump(sampler, sample):
 
 
 @inner
+def _heard(epoch):
+    """How many of the vehicle's own inputs have been heard."""
+    heard = 0
+    for i in range(3):
+        heard += epoch.heard[i]
+    return heard
+
+
+@inner
 def push_sample(sampler, sample):
     """Take one sample; `next_step` gives the steps that it releases.
 
-    Samples that do not fit are counted, never raised. Two that agree on a jump of time make
-    a restart; a single one is taken for a wrong stamp.
+    Samples that do not fit are counted, never raised. Two inputs that agree on a jump of time make
+    a restart, and one that nothing contradicts for a second; else it is taken for a wrong stamp.
     """
     epoch, stamp = sampler.epoch, sample.stamp
     if sample.input == Input.LEAD_ACCELERATION:
@@ -386,11 +395,14 @@ def push_sample(sampler, sample):
         _accept(sampler, sample)
         return
     backward = False
+    useless = False
     if epoch.heard[sample.input]:
         previous = epoch.last[sample.input]
         backward, useless = stamp < previous, stamp == previous
-    else:
-        useless = stamp < epoch.newest - AHEAD_NS
+    elif stamp < epoch.newest - AHEAD_NS:
+        # Of two inputs either may be the wrong one; against two a third one is.
+        backward = _heard(epoch) < 2
+        useless = not backward
     if useless:
         sampler.refused += 1
     elif backward or stamp > epoch.newest + AHEAD_NS:
@@ -400,6 +412,7 @@ def push_sample(sampler, sample):
             sampler.odd.stamp > epoch.newest or sampler.odd.input == sample.input
         ):
             _drop_odd(sampler)
+        sampler.contradicted = True
         _continue(sampler, sample)
 
 
