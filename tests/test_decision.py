@@ -164,6 +164,20 @@ def test_time_that_goes_back_puts_nothing_off(lost: tuple[str, ...]) -> None:
     assert decision.action == ACTION.STOP
 
 
+@pytest.mark.parametrize("jump", [180_000, -180_000, 101])
+def test_a_jump_of_the_clock_is_no_time(jump: int) -> None:
+    drive = Drive()
+    drive.on(100.0)
+    drive.on(0.3, clearance=State.FAULT)
+    drive.number += jump
+    decision = drive.on(CHOSEN.take_over_after - 0.31, clearance=State.FAULT)
+    assert decision.action == ACTION.FOLLOW_FROM_AFAR
+    drive.on(0.05, clearance=State.FAULT)
+    drive.number += jump
+    assert drive.on(0.02).action == ACTION.WARN, "what raised it was there just now"
+    assert drive.on(CHOSEN.recover_after).action == ACTION.FOLLOW
+
+
 def test_a_lead_that_was_braking_is_expected_to_go_on() -> None:
     both = {"clearance": State.FAULT, "relative_velocity": State.FAULT}
     for braking, action in ((-1.4, ACTION.WARN), (-1.6, ACTION.STOP), (-6.0, ACTION.STOP)):

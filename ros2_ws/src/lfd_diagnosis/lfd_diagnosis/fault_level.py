@@ -23,6 +23,7 @@ from math import isfinite, nan
 from lfd_diagnosis.settings import DecisionSettings
 from lfd_diagnosis.verdict import Kind, Reconstruction, Report, State
 from lfd_mpc.decision import Action, Decision, FaultLevel, braking_needed
+from lfd_mpc.sampling import AHEAD_NS
 
 LOST = (State.FAULT, State.NO_DATA)
 """States of a signal that is not driven by."""
@@ -44,6 +45,8 @@ class DecisionMaker:
     def __init__(self, settings: DecisionSettings) -> None:
         self._settings = settings
         self._level, self._action, self._since = FaultLevel.NORMAL, Action.FOLLOW, 0
+        self._stamp: int | None = None
+        self._passed = 0
         self._reason, self._deceleration = "", 0.0
         self._lost_since: int | None = None
         self._blind_since: int | None = None
@@ -58,9 +61,9 @@ class DecisionMaker:
 
     def step(self, report: Report, made: Reconstruction) -> Decision:
         """Answer one report and what was reconstructed with it."""
-        now = report.stamp
+        self._pass_time(report.stamp)
         self._follow_lead(report, made)
-        self._settle(now, self._wanted(report, made))
+        self._settle(report.stamp, self._wanted(report, made))
         doubted = {
             name: getattr(report, name).state in DOUBTED and isfinite(getattr(made, name))
             for name in ("clearance", "relative_velocity", "acceleration")
@@ -70,7 +73,7 @@ class DecisionMaker:
             return getattr(report, name).state not in LOST and not doubted[name]
 
         return Decision(
-            now,
+            report.stamp,
             report.step,
             self._level,
             self._action,
@@ -86,6 +89,13 @@ class DecisionMaker:
             made.relative_acceleration if made.relative_acceleration_valid else nan,
             made.acceleration if made.acceleration_valid else nan,
         )
+
+    def _pass_time(self, stamp: int) -> None:
+        """Count the ns that have passed; a jump of the clock is no time."""
+        gone_on = 0 if self._stamp is None else stamp - self._stamp
+        self._stamp = stamp
+        if 0 < gone_on <= AHEAD_NS:
+            self._passed += gone_on
 
     def _follow_lead(self, report: Report, made: Reconstruction) -> None:
         """How the lead was braking before the radar was lost, in m/s^2."""
@@ -107,7 +117,7 @@ class DecisionMaker:
         self, report: Report, made: Reconstruction
     ) -> tuple[FaultLevel, Action, str, float]:
         """Level, action, why, and the deceleration of a stop or of emergency braking in m/s^2."""
-        settings, now = self._settings, report.stamp
+        settings, now = self._settings, self._passed
         lost = [name for name in ("clearance", "relative_velocity") if _is_lost(report, name)]
         others = [name for name in ("acceleration", "host_speed") if _is_lost(report, name)]
         if not lost:
@@ -116,16 +126,17 @@ class DecisionMaker:
                 why = _because(report, others)
                 return FaultLevel.DEGRADED, Action.FOLLOW_FROM_AFAR, why, 0.0
             return FaultLevel.NORMAL, Action.FOLLOW, "", 0.0
-        self._lost_since = now if self._lost_since is None else min(self._lost_since, now)
+        if self._lost_since is None:
+            self._lost_since = now
         drifts = any(getattr(report, name).kind == Kind.RAMP for name in lost)
         unseen = len(lost) == 2 or drifts
-        if not unseen and self._was_but_silent(now):
+        if not unseen and self._was_but_silent():
             self._blind_since = None
         silent = all(getattr(report, name).state == State.NO_DATA for name in lost)
         self._but_silent = unseen and silent and (self._but_silent or self._blind_since is None)
-        blind = unseen or self._blind_since is not None
-        if blind:
-            self._blind_since = now if self._blind_since is None else min(self._blind_since, now)
+        if unseen and self._blind_since is None:
+            self._blind_since = now
+        blind = self._blind_since is not None
         why = _because(report, lost + others)
         missing = [name for name in lost if not getattr(made, f"{name}_valid")]
         stopping = settings.stopping_deceleration
@@ -153,23 +164,23 @@ class DecisionMaker:
             return FaultLevel.TAKE_OVER, Action.WARN, f"it lasts; {why}", stopping
         return FaultLevel.DEGRADED, Action.FOLLOW_FROM_AFAR, why, stopping
 
-    def _was_but_silent(self, now: int) -> bool:
+    def _was_but_silent(self) -> bool:
         """Whether the lead was not seen for a moment's silence alone."""
         if self._blind_since is None or not self._but_silent:
             return False
-        return 0.0 <= (now - self._blind_since) * 1e-9 < self._settings.blind_for
+        return (self._passed - self._blind_since) * 1e-9 < self._settings.blind_for
 
-    def _settle(self, now: int, wanted: tuple[FaultLevel, Action, str, float]) -> None:
+    def _settle(self, stamp: int, wanted: tuple[FaultLevel, Action, str, float]) -> None:
         """Rise at once, fall late: the highest of what was wanted lately, as it was last wanted."""
         recent, held = self._recent, (self._level, self._action)
-        recent.append((now, *wanted))
+        recent.append((self._passed, *wanted))
         lately = round(self._settings.recover_after * 1e9)
-        while not 0 <= now - recent[0][0] <= lately:
+        while self._passed - recent[0][0] > lately:
             recent.popleft()
         _, *settled = max(reversed(recent), key=lambda said: said[1:3])
         self._level, self._action, self._reason, self._deceleration = settled
         if (self._level, self._action) != held:
-            self._since = now
+            self._since = stamp
 
 
 def _is_lost(report: Report, name: str) -> bool:
