@@ -747,3 +747,24 @@ def test_an_outlier_long_before_is_no_part_of_a_fault(seed: int) -> None:
     drive(8.0)
     assert car.faults_since(since) == {"relative_velocity", "radar"}
     assert car.outcomes[-1].report.radar.state == State.OK
+
+
+@pytest.mark.parametrize(
+    ("wanders", "period", "noise", "off"), [(0.3, 4.0, 0.35, 1.5), (0.5, 5.0, 0.25, 1.8)]
+)
+def test_a_jump_back_is_told_beside_a_noise_that_is_overestimated(
+    wanders: float, period: float, noise: float, off: float
+) -> None:
+    """What the clearance wanders and how rough it was makes agreement alone worth nothing."""
+    car, random = Car(), np.random.default_rng(2)
+
+    def drive(seconds: float, share: float, fault: float = 0.0) -> None:
+        for _ in range(round(100 * seconds)):
+            wander = wanders * np.sin(2.0 * np.pi * 0.01 * car.number / period)
+            car.step(clearance=fault + wander + share * noise * random.normal())
+
+    drive(8.0, 1.0)
+    drive(4.0, 0.3, off)
+    assert car.outcomes[-1].report.clearance.state == State.FAULT
+    drive(1.0, 0.3)
+    assert car.outcomes[-1].report.clearance.state == State.OK

@@ -41,6 +41,9 @@ of what is then found for it, in those of the sensor's noise."""
 BEFORE, AFTER, DOUBT = 12, 5, 3.9
 """The same where the noise is not small against the jump."""
 
+MANY_BEFORE, MANY_AFTER, MANY_DOUBT = 20, 8, 2.9
+"""The same where even so it could not be told from the noise."""
+
 LAST, SEEN = 3, 0.5
 """Residuals just before a jump back, and share of it by which the new ones must differ."""
 
@@ -159,8 +162,8 @@ def start_signal(signal, floor, std, lowest, learn):
     signal.faulty_scans = 0
     signal.estimate = signal.size = np.nan
     start_ring(signal.first, FIRST)
-    start_ring(signal.recent, BEFORE + AFTER)
-    start_ring(signal.said, BEFORE + AFTER)
+    start_ring(signal.recent, MANY_BEFORE + MANY_AFTER)
+    start_ring(signal.said, MANY_BEFORE + MANY_AFTER)
     signal.history_count = signal.history_first = 0
     signal.came_back = signal.at_once = False
     signal.jumped_back_at = np.nan
@@ -332,8 +335,8 @@ def convict(signal, kind, confidence):
     signal.came_back = signal.at_once = False
     signal.jumped_back_at = np.nan
     restart_agreement(signal)
-    start_ring(signal.recent, BEFORE + AFTER)
-    start_ring(signal.said, BEFORE + AFTER)
+    start_ring(signal.recent, MANY_BEFORE + MANY_AFTER)
+    start_ring(signal.said, MANY_BEFORE + MANY_AFTER)
     signal.history_first = signal.history_count = 0
 
 
@@ -409,7 +412,10 @@ def returned_to(signal, said, repeated):
     before, after, doubt = FEW_BEFORE, FEW_AFTER, FEW_DOUBT * noise
     if doubt > TOLERANCE * abs(offset):
         before, after, doubt = BEFORE, AFTER, DOUBT * noise
-    doubt += 0.5 * resolution_of(signal.roughness)
+    rounding = 0.5 * resolution_of(signal.roughness)
+    if doubt + rounding > MOST_DOUBT * abs(offset):
+        before, after, doubt = MANY_BEFORE, MANY_AFTER, MANY_DOUBT * noise
+    doubt += rounding
     tolerance = max(TOLERANCE * abs(offset), 0.5 * signal.floor, doubt)
     told = doubt <= MOST_DOUBT * abs(offset) and tolerance < abs(offset)
     if recent.count < before + after or not told:
@@ -430,8 +436,8 @@ def returned_to(signal, said, repeated):
     signal.at_once = largest > AT_ONCE * abs(offset)
     # What was undone is what it must be told from now.
     signal.estimate = signal.size = offset
-    start_ring(recent, BEFORE + AFTER)
-    start_ring(signal.said, BEFORE + AFTER)
+    start_ring(recent, MANY_BEFORE + MANY_AFTER)
+    start_ring(signal.said, MANY_BEFORE + MANY_AFTER)
     signal.came_back = True
     restart_agreement(signal)
     # The median lies in their middle; a reference that was coasted has gone on since, by no more
