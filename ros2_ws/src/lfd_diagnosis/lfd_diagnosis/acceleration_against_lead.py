@@ -290,6 +290,16 @@ def _against_observers(monitor, settings, relative_velocity):
 
 
 @inner
+def _was_seen_better(monitor, lead_report):
+    """Whether what told of the fault is silent now, rather than wrong: the lead alone would not
+    have told of one so small, nor does it tell that it is over."""
+    ground = monitor.because.ground
+    by_speed = ground == Ground.HOST_SPEED and not monitor.speed.faulty
+    by_word = ground == Ground.LEADS_WORD and not lead_report.faulty
+    return is_gauged(monitor.kind) and (by_speed or by_word)
+
+
+@inner
 def _still_off_lead(monitor, settings, lead_report):
     """A faulty signal against the lead, who goes back to driving as most do."""
     trusted = is_trusted(lead_report, settings)
@@ -314,4 +324,7 @@ def _still_off_lead(monitor, settings, lead_report):
     estimate_size(monitor, residual)
     monitor.size_std = BLIND_STD
     limit = _report_limit(monitor, settings) if trusted else settings.jump_limit
+    if not trusted and _was_seen_better(monitor, lead_report):
+        residual, limit = monitor.off, min(limit, 0.5 * abs(monitor.size))
+        monitor.must_agree = settings.requalify_time
     set_check(monitor.check, Ground.OBSERVERS, residual, limit, monitor.kind, np.nan)

@@ -15,7 +15,7 @@ from lfd_diagnosis.acceleration_jump import (
     learn_jump_noise,
     least_beyond,
 )
-from lfd_diagnosis.acceleration_size import JUMPED, estimate_size
+from lfd_diagnosis.acceleration_size import JUMPED, SIZE_TO, estimate_size
 from lfd_diagnosis.acceleration_state import (
     BASE_SHARE,
     LAG_MEMORY,
@@ -122,6 +122,9 @@ LEVEL = 0.35
 DOUBTFUL, SHARPLY = 0.5, 4
 """m/s^2 by which a jerk widens the limits when half of what the difference is may be its lag, and
 power with which that share grows: a noisy speed shows a little jerk all the time."""
+
+ANOTHER = 50
+"""Steps after which what is off by another size than the jump that was measured surely is."""
 
 THERE = 0.75
 """Share of a jump by which a sample may be off if it is still the jump that is seen in it."""
@@ -375,6 +378,8 @@ def _still_off(monitor, settings, off):
 @inner
 def _await_jump_back(monitor, off):
     """Whether what made the fault was undone, so that it only has to settle."""
+    if not is_gauged(monitor.kind):
+        return
     if monitor.settling:
         # It may have been the speed that jumped for a moment, as one does that comes in steps.
         size = monitor.undone_by
@@ -440,13 +445,21 @@ def _follow_slope(monitor, settings, off):
     As long as it changes as a healthy signal may, the best that is known of the acceleration is
     the measurement without the jump.
     """
-    jumped = is_measured(monitor.jump) and not monitor.settling
-    still = jumped and not is_frozen(monitor.repetition, True) and not is_rough(monitor.roughness)
+    repeated = is_frozen(monitor.repetition, True)
+    still = not monitor.settling and not repeated and not is_rough(monitor.roughness)
+    measured = is_measured(monitor.jump)
     change = off - monitor.size - monitor.reference
     limit = settings.acceleration_step_limit + allowance_of(monitor, settings)
     newest = newest_sample(monitor) - monitor.size - monitor.acceleration - monitor.reference
     there = abs(newest) < THERE * abs(monitor.size)
-    steady = still and abs(change) < limit
+    stays = abs(change) < limit
+    known = monitor.kind == Kind.OFFSET and (measured or monitor.settled > SIZE_TO)
+    monitor.another_for = monitor.another_for + 1 if still and known and not stays else 0
+    if monitor.another_for >= ANOTHER:
+        # It jumped again, to another level.
+        forget_jump(monitor.jump)
+        monitor.another_for = monitor.settled = 0
+    steady = still and measured and stays
     monitor.corrected = steady and there
     if steady:
         rate = max(-LARGEST_RATE, min(LARGEST_RATE, change / UNDER_JUMP))

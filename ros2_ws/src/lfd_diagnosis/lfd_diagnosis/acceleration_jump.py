@@ -105,10 +105,14 @@ def least_beyond(jump, steps):
 def came_at_once(jump, change):
     """Whether what changed the differences by `change` (m/s^2) jumps to and fro as a sensor does,
     not as a road bends; also where nothing tells."""
-    split = _best_split(jump)
+    split, least = _best_split(jump), AT_ONCE * abs(change)
     if not split:
         return True
-    least = AT_ONCE * abs(change)
+    if jump.count < MEMORY:
+        # What is not among the differences since a silence came in it.
+        newest, oldest = _sum(jump, 0, SHARP), _sum(jump, jump.count - SHARP, jump.count)
+        if abs(newest - oldest) < SHARP * least:
+            return True
     for ago in range(max(split - NEAR, 1), min(split + NEAR, jump.count - SHARP) + 1):
         window = min(ago, SHARP)
         after = _sum(jump, ago - window, ago) / window

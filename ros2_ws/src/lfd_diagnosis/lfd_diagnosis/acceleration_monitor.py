@@ -26,7 +26,13 @@ from lfd_diagnosis.acceleration_against_speed import (
     slope_after,
     speed_may_be_wrong,
 )
-from lfd_diagnosis.acceleration_jump import came_at_once, is_measured, restart_jump
+from lfd_diagnosis.acceleration_jump import (
+    AT_ONCE,
+    MEMORY,
+    came_at_once,
+    is_measured,
+    restart_jump,
+)
 from lfd_diagnosis.acceleration_size import DRIFT_TIME, SLOPE_DRIFT, find_size
 from lfd_diagnosis.acceleration_state import (
     BASELINE_DELAY,
@@ -219,10 +225,12 @@ def _follow_samples(monitor, settings, time, value):
     monitor.slow_filtered += JERK_SHARE * (monitor.filtered - monitor.slow_filtered)
     monitor.burst += share * ((value - monitor.filtered) ** 2 - monitor.burst)
     monitor.leapt_for = max(monitor.leapt_for - 1, 0)
+    monitor.leapt_ago += 1
     if monitor.fresh:
         follow_shaking(monitor, value)
-        if _leaps(monitor, period):
-            monitor.leapt_for = LEAP_MEMORY
+        leap = _leap(monitor, period)
+        if leap:
+            monitor.leap, monitor.leapt_for, monitor.leapt_ago = leap, LEAP_MEMORY, 0
         standing = is_standing(monitor.speed)
         take_roughness(monitor.roughness, time, value, not (monitor.faulty or standing), 0.0)
         if standing:
@@ -258,22 +266,23 @@ def _is_bad_road(speed):
 
 
 @inner
-def _leaps(monitor, period):
-    """Whether the newest sample, or the mean of three, leaves the one before as no manoeuvre does;
-    a noisy sensor's single ones tell little."""
+def _leap(monitor, period):
+    """By how many m/s^2 the newest sample, or the mean of three, leaves the one before as no
+    manoeuvre does, else 0; a noisy sensor's single ones tell little."""
     newest, rough = monitor.newest, LEAP * sqrt(monitor.roughness.usual)
     last = newest.count - 1
     if last < 1:
-        return False
+        return 0.0
     possible = min(POSSIBLE_JERK * period, LARGEST_STEP)
-    if abs(at(newest, last) - at(newest, last - 1)) > possible + rough:
-        return True
+    step = at(newest, last) - at(newest, last - 1)
+    if abs(step) > possible + rough:
+        return step
     if last < 2 * FEW or FEW * period > SHORT or possible + rough < TOLD:
-        return False
+        return 0.0
     now, before = newest.count - FEW, newest.count - 2 * FEW
     step = mean_of(newest, now, newest.count) - mean_of(newest, before, now)
     # The difference of two such means has a third of a second difference's noise.
-    return abs(step) > SHARPEST * FEW * period + rough / 3.0
+    return step if abs(step) > SHARPEST * FEW * period + rough / 3.0 else 0.0
 
 
 @inner
@@ -293,6 +302,7 @@ def judge_acceleration(
     monitor.lead_rests_for = monitor.lead_rests_for + STEP_S if rests else 0.0
     follow_lead(monitor, relative_acceleration)
     usable = is_usable(speed, settings)
+    monitor.must_agree = settings.clear_time
     if usable:
         # The speed tells what jumped.
         monitor.jumped_for = 0
@@ -477,9 +487,16 @@ def _convict(monitor, settings, kind, ground, first, second):
     find_size(monitor, off)
     forget_baseline(monitor)
     monitor.back_for, monitor.settling = 0, False
-    monitor.came_at_once = came_at_once(monitor.jump, off)
+    monitor.came_at_once = came_at_once(monitor.jump, off) or _leapt_by(monitor, off)
     monitor.level, monitor.level_for = np.nan, 0.0
     monitor.jumped_for = 0
+
+
+@inner
+def _leapt_by(monitor, off):
+    """Whether the samples leapt by most of what it is `off` (m/s^2) lately: where a late speed
+    smears what it tells of a manoeuvre, the differences do not show it."""
+    return monitor.leapt_ago < MEMORY and monitor.leap * off > AT_ONCE * off * off
 
 
 @inner
@@ -488,7 +505,7 @@ def _requalify(monitor, settings, disagrees):
         monitor.agreeing = 0.0
         return
     monitor.agreeing += STEP_S
-    if monitor.agreeing >= settings.clear_time:
+    if monitor.agreeing >= monitor.must_agree:
         seen = monitor.check.ground == Ground.HOST_SPEED
         drifted = seen and monitor.kind == Kind.RAMP
         jumped = seen and monitor.kind == Kind.OFFSET

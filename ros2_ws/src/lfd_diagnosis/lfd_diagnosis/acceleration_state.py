@@ -75,6 +75,8 @@ ACCELERATION = np.dtype(
         ("slow_filtered", "f8"),
         ("before_jump", RING),
         ("leapt_for", "i8"),
+        ("leap", "f8"),
+        ("leapt_ago", "i8"),
         ("roughness", ROUGHNESS),
         ("rough_for", "f8"),
         ("burst", "f8"),
@@ -137,6 +139,7 @@ ACCELERATION = np.dtype(
         ("settled", "i8"),
         ("corrected", "?"),
         ("faded_for", "i8"),
+        ("another_for", "i8"),
         ("came_at_once", "?"),
         ("level", "f8"),
         ("level_for", "f8"),
@@ -146,6 +149,7 @@ ACCELERATION = np.dtype(
         ("undone", "f8"),
         ("undone_by", "f8"),
         ("agreeing", "f8"),
+        ("must_agree", "f8"),
         # The fault before.
         ("ended_size", "f8"),
         ("ended_for", "f8"),
@@ -157,12 +161,14 @@ ACCELERATION = np.dtype(
 `stops_from` while it comes to rest.
 
 `taken` (m/s^2): the newest sample that was taken; while newer ones leap from it, since `leapt_at`
-(s), they are `doubted`. `felt` (m/s^2): the mean of what a faulty one and the speed differ by;
+(s), they are `doubted`. `leap` (m/s^2): the last one, `leapt_ago` steps ago.
+`felt` (m/s^2): the mean of what a faulty one and the speed differ by;
 `undone` (m/s^2): what that would be as a jump, of `undone_by`, has just been undone, if all of it
 was. `before`, `relative_before` (m/s^2): the samples and `relative_slow` as a jump without host
 speed began.
 `came_at_once`: whether the fault jumped; `level` (m/s^2): where what is felt has stayed for
 `level_for` s; `silent_for`: how long nothing was heard, in s.
+`must_agree` (s): for how long what agrees must do so.
 `ended_size` (m/s^2): of the fault that was over last, `ended_for` (s) by now, NaN if none was.
 `shaking` (m/s^2): the deviation of single samples just now, by the `newest` ones.
 """
@@ -215,6 +221,7 @@ def lose_samples(monitor):
     monitor.taken, monitor.doubted = np.nan, False
     monitor.filtered, monitor.burst = np.nan, 0.0
     monitor.slow_filtered, monitor.leapt_for = np.nan, 0
+    monitor.leap, monitor.leapt_ago = 0.0, 0
     monitor.jerk_then = monitor.own_jerk = 0.0
     start_ring(monitor.before_jump, BEFORE_JUMP)
     start_ring(monitor.samples, SAMPLES)
@@ -235,7 +242,7 @@ def forgive_acceleration(monitor):
     monitor.confidence, monitor.agreeing = 0, 0.0
     monitor.exceeded_for = 0
     monitor.reference = monitor.lead_reference = monitor.slope_before = np.nan
-    monitor.corrected, monitor.faded_for = False, 0
+    monitor.corrected, monitor.faded_for, monitor.another_for = False, 0, 0
     monitor.level, monitor.level_for = np.nan, 0.0
     monitor.size = monitor.size_std = monitor.off = monitor.felt = np.nan
     monitor.settled = 0
