@@ -32,14 +32,35 @@ def test_a_fault_that_host_speed_told_outlasts_its_silence(car: Car, off: float)
     assert not car.faults_since(number)
 
 
-def test_a_fault_that_ends_while_nothing_better_tells_is_over_later(car: Car) -> None:
+@pytest.mark.parametrize("fading", [0, 200])
+def test_a_fault_that_ends_while_nothing_better_tells_is_over_later(car: Car, fading: int) -> None:
+    """Soon where the samples leap back, else when observers have agreed for long."""
     car.drive(3.0, acceleration=2.0)
     car.host_speed = False
     car.drive(1.0, acceleration=2.0)
-    car.drive(4.5)
-    assert felt(car).state == State.FAULT
-    car.drive(2.5)
+    for k in range(fading):
+        car.step(acceleration=2.0 * (1.0 - k / fading))
+    car.drive(1.5)
+    assert felt(car).state == (State.FAULT if fading else State.OK)
+    car.drive(2.0)
+    assert felt(car).state == (State.FAULT if fading else State.OK)
+    car.drive(3.0)
     assert felt(car).state == State.OK
+
+
+def test_the_agreement_that_observers_saw_is_not_the_speeds(car: Car) -> None:
+    """What it was off before the speed was lost tells nothing of its slope afterwards."""
+    car.drive(3.0, acceleration=2.0)
+    car.host_speed = False
+    car.drive(0.5, acceleration=2.0)
+    for k in range(100):
+        car.step(acceleration=2.0 * (1.0 - k / 100))
+    car.drive(1.5)
+    car.host_speed = True
+    start = car.number
+    car.drive(3.0)
+    states = [outcome.report.acceleration.state for outcome in car.outcomes[start:]]
+    assert set(states[states.index(State.OK) :]) == {State.OK}
 
 
 def test_a_fault_that_the_leads_word_told_outlasts_its_silence() -> None:

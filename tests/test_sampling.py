@@ -281,6 +281,18 @@ def test_a_wrong_clock_that_was_alone_for_a_while_is_outvoted() -> None:
     assert made[-1].stamp == 4_004_990 * MS and not made[-1].clearance.stale
 
 
+def test_two_inputs_that_come_late_after_a_gap_make_no_time_go_back() -> None:
+    """A stall of more than a second; the third topic, which missed some, comes first."""
+    sampler = Sampler()
+    healthy(sampler, 0, 2000)
+    run(sampler, *(speed(ms) for ms in range(0, 2000, 50)))
+    made = run(sampler, *(speed(ms) for ms in range(2300, 3100, 50)))
+    late = [radar(2000), *(accel(ms) for ms in range(2000, 3070, 10)), radar(3070)]
+    made += run(sampler, *late, *(accel(ms) for ms in range(3070, 3200, 10)))
+    stamps = times(made)
+    assert stamps == sorted(set(stamps)) and stamps[-1] == 3190.0
+
+
 def test_a_jump_forward_of_all_inputs_restarts() -> None:
     sampler = Sampler()
     healthy(sampler, 0, 1000)

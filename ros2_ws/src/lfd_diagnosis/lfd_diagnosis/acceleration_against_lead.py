@@ -15,6 +15,7 @@ from lfd_diagnosis.acceleration_state import (
     RADAR_GONE,
     SAMPLES,
     SHARP,
+    has_leapt,
     newest_sample,
     shaking_left,
     swings_over_bumps,
@@ -326,5 +327,6 @@ def _still_off_lead(monitor, settings, lead_report):
     limit = _report_limit(monitor, settings) if trusted else settings.jump_limit
     if not trusted and _was_seen_better(monitor, lead_report):
         residual, limit = monitor.off, min(limit, 0.5 * abs(monitor.size))
-        monitor.must_agree = settings.requalify_time
+        if not has_leapt(monitor, -monitor.size):
+            monitor.must_agree = settings.requalify_time
     set_check(monitor.check, Ground.OBSERVERS, residual, limit, monitor.kind, np.nan)

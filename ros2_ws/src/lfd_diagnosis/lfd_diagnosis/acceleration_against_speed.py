@@ -356,7 +356,10 @@ def _follow_baseline(monitor, settings, off):
 def _still_off(monitor, settings, off):
     """A faulty signal against what the difference was before the fault."""
     residual = off - monitor.reference
-    monitor.felt = off if isnan(monitor.felt) else monitor.felt + FELT_SHARE * (off - monitor.felt)
+    if isnan(monitor.felt):
+        # What the lead said of it meanwhile is not what the speed says.
+        monitor.felt, monitor.agreeing = off, 0.0
+    monitor.felt += FELT_SHARE * (off - monitor.felt)
     monitor.off += 3.0 * STEP_S * (residual - monitor.off)
     monitor.settled += 1
     estimate_size(monitor, residual)
@@ -378,7 +381,8 @@ def _still_off(monitor, settings, off):
 @inner
 def _await_jump_back(monitor, off):
     """Whether what made the fault was undone, so that it only has to settle."""
-    if not is_gauged(monitor.kind):
+    if monitor.kind == Kind.NOISE:
+        # Its swings are no jumps.
         return
     if monitor.settling:
         # It may have been the speed that jumped for a moment, as one does that comes in steps.

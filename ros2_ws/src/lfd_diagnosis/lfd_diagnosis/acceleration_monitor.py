@@ -26,19 +26,14 @@ from lfd_diagnosis.acceleration_against_speed import (
     slope_after,
     speed_may_be_wrong,
 )
-from lfd_diagnosis.acceleration_jump import (
-    AT_ONCE,
-    MEMORY,
-    came_at_once,
-    is_measured,
-    restart_jump,
-)
+from lfd_diagnosis.acceleration_jump import came_at_once, is_measured, restart_jump
 from lfd_diagnosis.acceleration_size import DRIFT_TIME, SLOPE_DRIFT, find_size
 from lfd_diagnosis.acceleration_state import (
     BASELINE_DELAY,
     follow_shaking,
     forget_baseline,
     forgive_acceleration,
+    has_leapt,
     lose_samples,
     newest_sample,
     swings_over_bumps,
@@ -311,6 +306,7 @@ def judge_acceleration(
         if not monitor.faulty:
             monitor.reference = np.nan
         forget_baseline(monitor)
+        monitor.felt = np.nan
         _lose_slope(monitor, STILL_KNOWN)
         against_lead(monitor, settings, relative_velocity, lead_report)
     exceeded = is_exceeded(check)
@@ -487,16 +483,10 @@ def _convict(monitor, settings, kind, ground, first, second):
     find_size(monitor, off)
     forget_baseline(monitor)
     monitor.back_for, monitor.settling = 0, False
-    monitor.came_at_once = came_at_once(monitor.jump, off) or _leapt_by(monitor, off)
+    # Where a late speed smears what it tells of a manoeuvre, the differences do not show a jump.
+    monitor.came_at_once = came_at_once(monitor.jump, off) or has_leapt(monitor, off)
     monitor.level, monitor.level_for = np.nan, 0.0
     monitor.jumped_for = 0
-
-
-@inner
-def _leapt_by(monitor, off):
-    """Whether the samples leapt by most of what it is `off` (m/s^2) lately: where a late speed
-    smears what it tells of a manoeuvre, the differences do not show it."""
-    return monitor.leapt_ago < MEMORY and monitor.leap * off > AT_ONCE * off * off
 
 
 @inner

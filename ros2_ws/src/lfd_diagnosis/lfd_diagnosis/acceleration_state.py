@@ -4,7 +4,7 @@ from math import sqrt
 
 import numpy as np
 
-from lfd_diagnosis.acceleration_jump import JUMP, restart_jump, start_jump
+from lfd_diagnosis.acceleration_jump import AT_ONCE, JUMP, MEMORY, restart_jump, start_jump
 from lfd_diagnosis.evidence import BECAUSE, CHECK, Ground
 from lfd_diagnosis.healthy_signal import (
     LEARNT_NOISE,
@@ -280,6 +280,12 @@ def shaking_left(monitor, time):
     """Deviation in m/s^2 of a mean of that many s, as far as the sensor is shaken; a seldom sample
     counts for long."""
     return monitor.shaking * sqrt(min(monitor.roughness.period / time, 1.0))
+
+
+@inner
+def has_leapt(monitor, by):
+    """Whether the samples lately leapt by most of that many m/s^2."""
+    return monitor.leapt_ago < MEMORY and monitor.leap * by > AT_ONCE * by * by
 
 
 @inner

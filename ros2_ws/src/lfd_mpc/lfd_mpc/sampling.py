@@ -161,6 +161,8 @@ SAMPLER = np.dtype(
         ("held", SAMPLE, (2,)),
         ("held_count", "i8"),
         ("held_fits", "?"),
+        # Whether two inputs agree on the time.
+        ("settled", "?"),
         ("current", SAMPLE),
         ("restarting", "?"),
         ("gap_values", "f8", (2,)),
@@ -257,7 +259,7 @@ def start_sampler(samplers):
     _start_epoch(sampler.epoch)
     sampler.restart = Restart.START
     sampler.step = sampler.late = sampler.refused = sampler.bad = sampler.held_count = 0
-    sampler.is_odd = sampler.contradicted = False
+    sampler.is_odd = sampler.contradicted = sampler.settled = False
     sampler.releasing = sampler.restarting = sampler.held_fits = False
 
 
@@ -278,10 +280,20 @@ def _release(sampler, limit, released_by):
 
 
 @inner
+def _heard(epoch):
+    """How many of the vehicle's own inputs have been heard."""
+    heard = 0
+    for i in range(3):
+        heard += epoch.heard[i]
+    return heard
+
+
+@inner
 def _accept(sampler, sample):
     epoch, stamp = sampler.epoch, sample.stamp
     epoch.last[sample.input] = stamp
     epoch.heard[sample.input] = 1
+    sampler.settled = sampler.settled or _heard(epoch) > 1
     _note_rhythm(epoch.rhythms[sample.input], stamp)
     epoch.newest = max(epoch.newest, stamp) if epoch.started else stamp
     epoch.started = True
@@ -360,6 +372,7 @@ def _jump(sampler, sample):
         return
     sampler.is_odd = False
     sampler.held[0], sampler.held_count = sample, 1
+    sampler.settled = False
     if ahead:
         # With one input alone its second sample is ahead of the first by a second.
         _continue(sampler, odd)
@@ -369,15 +382,6 @@ def _jump(sampler, sample):
     sampler.restart_values[0] = (newest - odd.stamp) * 1e-9
     _start_epoch(sampler.epoch)
     _accept(sampler, odd)
-
-
-@inner
-def _heard(epoch):
-    """How many of the vehicle's own inputs have been heard."""
-    heard = 0
-    for i in range(3):
-        heard += epoch.heard[i]
-    return heard
 
 
 @inner
@@ -400,9 +404,8 @@ def push_sample(sampler, sample):
         previous = epoch.last[sample.input]
         backward, useless = stamp < previous, stamp == previous
     elif stamp < epoch.newest - AHEAD_NS:
-        # Of two inputs either may be the wrong one; against two a third one is.
-        backward = _heard(epoch) < 2
-        useless = not backward
+        # Of two inputs either may be the wrong one; against two a third one is, or comes late.
+        backward, useless = not sampler.settled, sampler.settled
     if useless:
         sampler.refused += 1
     elif backward or stamp > epoch.newest + AHEAD_NS:
