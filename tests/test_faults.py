@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from lfd_diagnosis.verdict import State
-from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RadarSample, ScalarSample
+from lfd_mpc.samples import (
+    ACCELERATION,
+    HOST_SPEED,
+    LEAD_ACCELERATION,
+    RadarSample,
+    ScalarSample,
+)
+from lfd_replay.fault_injector import LiveFaults
 from lfd_replay.faults import FaultInjector, parse_faults, truth_windows
 from lfd_replay.score import SIGNALS, Timeline, score, score_sensor, shown, summary_rows
 
@@ -145,3 +152,41 @@ def test_a_silence_and_a_fault_of_host_speed_show_in_the_table_alone() -> None:
     figures = score(line, faults)
     assert set(figures) == set(SIGNALS) and "no_data_s" not in figures["acceleration"]
     assert set(shown(line, faults[:1])) == set(SIGNALS), "not injected, not shown"
+
+
+def through_live(between: dict[int, list], zero: float = 0.0) -> tuple[LiveFaults, list[float]]:
+    """Clearances of three seconds under an offset of 4 m; `between`: what else passes before the
+    scan of that number."""
+    live = LiveFaults(0)
+    live.at_first(parse_faults(["offset:clearance=4@0-3"]))
+    seen = []
+    for scan in range(60):
+        for sample in between.get(scan, []):
+            live(sample)
+        live(accel(zero + 0.05 * scan))
+        seen.append(live(radar(zero + 0.05 * scan)).clearance)
+    return live, seen
+
+
+@pytest.mark.parametrize("off", [-2.0, 3.0, -300.0, 300.0])
+def test_another_clock_or_a_wrong_stamp_ends_no_injection(off: float) -> None:
+    def word(scan: int) -> ScalarSample:
+        return ScalarSample(LEAD_ACCELERATION, ZERO + round((0.05 * scan + off) * 1e9), 0.0)
+
+    for between in (
+        {scan: [word(scan)] for scan in range(60)},
+        {10: [radar(0.5 + off)]},
+        {scan: [ScalarSample(HOST_SPEED, word(scan).stamp, 15.0)] for scan in range(1, 60)},
+    ):
+        live, seen = through_live(between)
+        assert seen == [34.0] * 60
+        now = live.inject(parse_faults(["offset:clearance=1@0-1"]))
+        assert now == ZERO + round(2.95 * 1e9), "times count from the car's own newest sample"
+
+
+def test_an_injection_ends_where_another_drive_begins() -> None:
+    live, _ = through_live({})
+    assert live.inject(parse_faults(["offset:clearance=4@0-300"]))
+    assert live(radar(3.0)).clearance == 34.0
+    assert [live(accel(-99.0)).value, live(radar(-99.0)).clearance] == [0.5, 30.0]
+    assert live(radar(-98.95)).clearance == 30.0

@@ -16,7 +16,13 @@ from std_srvs.srv import Trigger
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.node_support import PIPELINE_QOS, declare_settings
-from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RadarSample, Sample
+from lfd_mpc.samples import (
+    ACCELERATION,
+    HOST_SPEED,
+    LEAD_ACCELERATION,
+    RadarSample,
+    Sample,
+)
 from lfd_mpc.sensor_inputs import INPUT_TOPICS, SENSOR_OVERRIDES, sensor_qos
 from lfd_msgs.srv import InjectFault
 from lfd_replay.adapter_settings import InjectorSettings
@@ -25,8 +31,9 @@ from lfd_replay.faults import GRAMMAR, Fault, FaultInjector, parse_faults
 KEPT_NS = 10_000_000_000
 """Samples of so long ago are known to a fault that begins now: what it holds or delays."""
 
-WENT_BACK_NS = 1_000_000_000
-"""A stamp so much older than the newest one is another drive: faults in stamps of this one end."""
+JUMP_NS = 1_000_000_000
+"""A stamp so far from the newest one is a jump of time where another one agrees; after one back, as
+another drive begins, faults in stamps of this one end."""
 
 
 class LiveFaults:
@@ -35,10 +42,11 @@ class LiveFaults:
     def __init__(self, seed: int) -> None:
         """`seed`: of injected noise."""
         self._seed = seed
-        self._recent: deque[Sample] = deque()
+        self._recent: deque[tuple[int, Sample]] = deque()
         self._active: list[tuple[int, FaultInjector]] = []
         self._at_first: list[Fault] = []
         self._newest: int | None = None
+        self._odd: Sample | None = None
 
     def at_first(self, faults: list[Fault]) -> None:
         """Faults whose times count from the first sample."""
@@ -62,16 +70,16 @@ class LiveFaults:
 
     def __call__(self, sample: Sample) -> Sample | None:
         """The sample as a faulty sensor gives it; None where it says nothing."""
-        if self._newest is not None and sample.stamp < self._newest - WENT_BACK_NS:
-            self._recent.clear()
-            self._active, self._newest = [], None
-        if self._newest is None or sample.stamp > self._newest:
-            self._newest = sample.stamp
+        if sample.input != LEAD_ACCELERATION:
+            # Other cars have clocks of their own.
+            self._follow_time(sample)
+        if self._newest is None:
+            return sample
         if self._at_first:
             self._add(self._at_first, self._newest)
             self._at_first = []
-        self._recent.append(sample)
-        while self._newest - self._recent[0].stamp > KEPT_NS:
+        self._recent.append((self._newest, sample))
+        while self._newest - self._recent[0][0] > KEPT_NS:
             self._recent.popleft()
         self._active = [(end, one) for end, one in self._active if end > self._newest]
         changed: Sample | None = sample
@@ -80,11 +88,36 @@ class LiveFaults:
                 changed = injector(changed)
         return changed
 
+    def _follow_time(self, sample: Sample) -> None:
+        """Take a stamp as that of now: one that jumps only where a second input agrees, or nothing
+        contradicts it for a second."""
+        if self._newest is not None and abs(sample.stamp - self._newest) > JUMP_NS:
+            odd, self._odd = self._odd, sample
+            if odd is None:
+                return
+            since = sample.stamp - odd.stamp
+            if odd.input != sample.input:
+                believed = abs(since) <= JUMP_NS
+            elif 0 < since <= JUMP_NS:
+                self._odd = odd
+                return
+            else:
+                believed = 0 < since <= 2 * JUMP_NS
+            if not believed:
+                return
+            if sample.stamp < self._newest:
+                self._recent.clear()
+                self._active = []
+            self._newest = None
+        self._odd = None
+        if self._newest is None or sample.stamp > self._newest:
+            self._newest = sample.stamp
+
     def _add(self, faults: list[Fault], zero: int) -> None:
         if not faults:
             return
         injector = FaultInjector(faults, zero, self._seed)
-        for sample in self._recent:
+        for _, sample in self._recent:
             injector(sample)
         self._active.append((zero + max(fault.end for fault in faults), injector))
 
