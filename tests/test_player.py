@@ -13,11 +13,15 @@ from test_live_equals_offline import drive
 
 from lfd_bringup.replay import main_replay
 from lfd_diagnosis.decision_node import DecisionNode
+from lfd_diagnosis.silence import CLOCK_LOST
 from lfd_mpc.errors import UserError
 from lfd_mpc.horizon import Mpc
 from lfd_mpc.node_process import joined
+from lfd_mpc.node_support import PIPELINE_QOS
+from lfd_mpc.samples import ACCELERATION
 from lfd_mpc.sampling import Sampler
 from lfd_mpc.settings import MpcSettings
+from lfd_msgs.msg import FaultReport, PredictionHorizon
 from lfd_replay.drive import Drive
 from lfd_replay.drive_bag import replace_folder, sample_message, write_bag, write_drive
 from lfd_replay.errors import run_command
@@ -25,7 +29,7 @@ from lfd_replay.faults import parse_faults
 from lfd_replay.lockstep import LockstepError, horizon_difference
 from lfd_replay.player import GRAPH_NODES, PlayerNode, PlayOptions, played, samples_to_play
 from lfd_replay.read_drive import DRIVE_HELP
-from ros_support import REPLAY_ARGUMENTS, Graph, next_domain
+from ros_support import LOCKSTEP, REPLAY_ARGUMENTS, Graph, next_domain
 
 LAUNCH = Path(__file__).parent.parent / "ros2_ws/src/lfd_bringup/launch/replay.launch.py"
 
@@ -139,7 +143,7 @@ def test_lockstep_without_receipts_is_refused_at_once() -> None:
     with Graph() as graph:
         graph.add_graph([*REPLAY_ARGUMENTS, "-p", "mpc_node:receipts:=false"])
         player = PlayerNode(drive(0.5), PlayOptions(rate=0.0), GRAPH_NODES, graph.context)
-        with pytest.raises(UserError, match="mpc/received.*lockstep.yaml"):
+        with pytest.raises(UserError, match="reliable subscription.*lockstep.yaml"):
             pump_until(graph, graph.add(player), lambda: player.done, "never")
 
 
@@ -163,6 +167,55 @@ def test_lockstep_without_an_answer_is_an_error_that_says_what_is_owed(monkeypat
         player = graph.add(PlayerNode(drive(1.0), PlayOptions(rate=0.0), [], graph.context))
         with pytest.raises(LockstepError, match="mpc/received"):
             pump_until(graph, player, lambda: player.done, "never")
+
+
+def play_with_a_stall(graph: Graph, seconds: float) -> list[FaultReport]:
+    """In lockstep, the bank being stopped in the midst; reports that no step made."""
+    player = graph.add(PlayerNode(drive(1.5), PlayOptions(rate=0.0), GRAPH_NODES, graph.context))
+    reports: list[FaultReport] = []
+    player.create_subscription(FaultReport, "diagnosis/faults", reports.append, PIPELINE_QOS)
+    pump_until(graph, player, lambda: player.played > 0.7, "half of it")
+    before = len(reports)
+    (bank,) = (node for node in graph.nodes if node.get_name() == "observer_node")
+    graph.executor.remove_node(bank)
+    stopped = time.monotonic()
+    pump_until(graph, player, lambda: time.monotonic() - stopped > seconds, "a stall")
+    graph.executor.add_node(bank)
+    pump_until(graph, player, lambda: player.done, "the rest")
+    return [report for report in reports[before:] if not report.step]
+
+
+@pytest.mark.alone
+def test_each_step_of_a_paused_lockstep_goes_on_whatever_must_be_confirmed_first() -> None:
+    """An accelerometer of 20 Hz releases five steps at a time, once the radar's scan is there."""
+    samples = [s for s in drive(2.0) if s.input != ACCELERATION or s.stamp % 50_000_000 == 0]
+    with Graph() as graph:
+        graph.add_graph(REPLAY_ARGUMENTS)
+        player = graph.add(PlayerNode(samples, PlayOptions(rate=0.0), GRAPH_NODES, graph.context))
+        horizons: list[PredictionHorizon] = []
+        player.create_subscription(PredictionHorizon, "mpc/horizon", horizons.append, PIPELINE_QOS)
+        pump_until(graph, player, lambda: player.played > 0.5, "some of it")
+        assert call(graph, player, "pause").success
+        for _ in range(3):
+            pump_until(graph, player, lambda: not player._waiting, "all is answered")
+            before = len(horizons)
+            assert call(graph, player, "step").success
+            pump_until(graph, player, lambda n=before: len(horizons) == n + 5, "five steps further")
+
+
+@pytest.mark.alone
+def test_a_stall_in_lockstep_is_no_silence() -> None:
+    with Graph() as graph:
+        graph.add_graph(["--ros-args", "--params-file", str(LOCKSTEP)])
+        assert play_with_a_stall(graph, CLOCK_LOST + 0.5) == []
+
+
+@pytest.mark.alone
+def test_a_stall_in_lockstep_that_was_taken_for_silence_is_an_error() -> None:
+    with Graph() as graph:
+        graph.add_graph(["--ros-args", "-p", "mpc_node:receipts:=true"])
+        with pytest.raises(LockstepError, match="stalled: start its nodes with -p use_sim_time"):
+            play_with_a_stall(graph, 1.0)
 
 
 def test_a_step_that_fails_loses_nothing_of_a_replay(monkeypatch, tmp_path: Path) -> None:

@@ -58,11 +58,6 @@ def start(context):
     value = {name: context.launch_configurations[name] for name in ARGUMENTS}
     params = Path(get_package_share_directory("lfd_bringup")) / "params"
     chosen = params / f"{value['profile']}.yaml"
-    prefix = f"/{value['namespace'].strip('/')}/".replace("//", "/")
-    # Overrides are by full name, so those of lockstep.yaml do not hold in a namespace.
-    reliable = {
-        f"qos_overrides.{prefix}{topic}.subscription.reliability": "reliable" for topic in INPUTS
-    }
     common = [
         str(chosen if chosen.is_file() else value["profile"]),
         {"use_sim_time": value["use_sim_time"].lower() == "true"},
@@ -70,7 +65,7 @@ def start(context):
     own = {
         "mpc_node": [
             {"driving": value["driving"].lower() == "true"},
-            *([{"receipts": True, **reliable}] if value["drive"] else []),
+            *([{"receipts": True}] if value["drive"] else []),
         ],
         "diagnosis_node": [{"markers": value["markers"].lower() == "true"}],
     }
@@ -86,6 +81,7 @@ def start(context):
         for package, node in GRAPH
     ]
     if value["record"]:
+        prefix = f"/{value['namespace'].strip('/')}/".replace("//", "/")
         topics = [*(prefix + topic for topic in (*INPUTS, *OUTPUTS)), "/diagnostics"]
         record = ["ros2", "bag", "record", "-s", "mcap", "-o", value["record"], "--topics", *topics]
         actions.append(ExecuteProcess(cmd=record, output="screen"))

@@ -2,6 +2,7 @@
 
 import heapq
 import time
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -17,7 +18,7 @@ from std_msgs.msg import Header
 from lfd_mpc.decision import Decision as Decided
 from lfd_mpc.driving import DrivingMpc
 from lfd_mpc.errors import UserError
-from lfd_mpc.health import Health, StepHealth
+from lfd_mpc.health import Health, Level, StepHealth
 from lfd_mpc.horizon import Horizon, Mpc, first_horizon
 from lfd_mpc.messages import from_message, from_time, to_message, to_time
 from lfd_mpc.node_support import (
@@ -36,7 +37,8 @@ from lfd_msgs.msg import Decision, DrivingState, PredictionHorizon
 RECEIPTS_TOPIC = "mpc/received"
 RECEIPTS_QOS = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 RECEIPTS_PARAMETER = ParameterDescriptor(
-    description="publish the stamp of every sample received on mpc/received, for lockstep players",
+    description="for lockstep players: publish the stamp of every sample received on mpc/received, "
+    "and hear sensors reliably",
     read_only=True,
 )
 
@@ -61,7 +63,8 @@ class MpcNode(Node):
         )
         self._inputs = {}
         for input_name, (kind, topic, _) in INPUT_TOPICS.items():
-            qos = sensor_qos()
+            # Lockstep must not lose a sample, in whatever namespace.
+            qos = sensor_qos(lossless=receipts)
             self._inputs[input_name] = self.create_subscription(
                 kind,
                 topic,
@@ -92,7 +95,16 @@ class MpcNode(Node):
         self._core.change(settings)
 
     def _statuses(self, _period_ends: bool) -> list[Health]:
-        return [self._health.health("steps", time.monotonic(), self._counts)]
+        health = self._health.health("steps", time.monotonic(), self._counts)
+        doubled = [
+            subscription.topic_name
+            for subscription in self._inputs.values()
+            if self.count_publishers(subscription.topic_name) > 1
+        ]
+        if doubled and health.level == Level.OK:
+            message = f"more than one publisher on {', '.join(doubled)}"
+            health = replace(health, level=Level.WARN, message=message)
+        return [health]
 
     def _on_sample(self, input_name: str, message: Any) -> None:
         self._push_waiting({input_name: [INPUT_TOPICS[input_name][2](message)]})
@@ -145,7 +157,11 @@ class MpcNode(Node):
                 driven = self._core.driven.pop(0)
                 self._driving.publish(to_message(driven, DrivingState()))
             self._health.step(
-                time.monotonic(), horizon.stamp, horizon.solve_time, horizon.fallbacks
+                time.monotonic(),
+                horizon.stamp,
+                horizon.solve_time,
+                horizon.fallbacks,
+                horizon.refused_samples,
             )
             if horizon.restart:
                 self.get_logger().info(

@@ -18,17 +18,24 @@ from lfd_mpc.samples import (
 from lfd_msgs.msg import RadarTarget
 
 
-def sensor_qos() -> QoSProfile:
-    """Best effort hears every kind of sensor driver; deep, since a late step needs its samples.
+def sensor_qos(lossless: bool = False) -> QoSProfile:
+    """Best effort hears every kind of sensor driver, reliable (`lossless`) misses nothing; deep,
+    since a late step needs its samples.
 
     A new object each time: an override by parameter changes the object itself.
     """
-    return QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
+    reliability = ReliabilityPolicy.RELIABLE if lossless else ReliabilityPolicy.BEST_EFFORT
+    return QoSProfile(depth=200, reliability=reliability)
+
+
+DEEPEST = 1_000_000
+"""Messages that a queue may be asked to hold."""
 
 
 def _possible(qos: QoSProfile) -> SetParametersResult:
     return SetParametersResult(
-        successful=qos.depth >= 0, reason=f"depth {qos.depth}; 0 or more is expected"
+        successful=0 <= qos.depth <= DEEPEST,
+        reason=f"depth {qos.depth}; 0 to {DEEPEST} is expected",
     )
 
 

@@ -39,6 +39,9 @@ ANSWERS = {
 STEP_DEADLINE = 10.0
 """Seconds of wall time that the graph has to answer a step in lockstep."""
 
+SILENCE = 0.1
+"""Seconds of wall time after which what is no answer was said because of a stall."""
+
 
 class LockstepError(Exception):
     """The graph did not answer a step, or answered another one."""
@@ -68,6 +71,7 @@ class Lockstep:
         self._unconfirmed: list[tuple[int, str]] = []
         self._awaited: dict[str, set[int]] = {topic: set() for topic in answers}
         self._deadline, self._sent_stamp = inf, 0
+        self._answered = False
         self._error: LockstepError | None = None
         node.create_subscription(PredictionHorizon, "mpc/horizon", self._on_horizon, PIPELINE_QOS)
         receipts = node.create_subscription(Header, RECEIPTS_TOPIC, self._on_receipt, RECEIPTS_QOS)
@@ -158,8 +162,21 @@ class Lockstep:
     def _on_answer(self, topic: str, raw: bytes) -> None:
         # The header's stamp follows the four bytes of the CDR encapsulation.
         seconds, nanoseconds = struct.unpack_from("<iI", raw, 4)
-        self._awaited[topic].discard(seconds * 1_000_000_000 + nanoseconds)
+        stamp = seconds * 1_000_000_000 + nanoseconds
+        if stamp in self._awaited[topic]:
+            self._awaited[topic].remove(stamp)
+            self._answered = True
+        elif self._answered and self.waiting and self._lasts > SILENCE:
+            self._fail(
+                f"{topic} said at {stamp * 1e-9:.2f} s that nothing is heard, while the graph "
+                "stalled: start its nodes with -p use_sim_time:=true"
+            )
         self._go_on()
+
+    @property
+    def _lasts(self) -> float:
+        """For how many s the sample that was sent last has waited."""
+        return time.monotonic() - (self._deadline - STEP_DEADLINE)
 
     def _go_on(self) -> None:
         if self._then is not None and not any(self._awaited.values()):

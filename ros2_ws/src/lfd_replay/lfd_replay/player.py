@@ -106,6 +106,7 @@ class PlayerNode(Node):
         self.create_service(Trigger, "~/resume", self._on_resume)
         self.create_service(Trigger, "~/step", self._on_step)
         self._lockstep = Lockstep(self, ANSWERS) if self.lockstep else None
+        self._wanted = -1
 
     @property
     def lockstep(self) -> bool:
@@ -155,6 +156,8 @@ class PlayerNode(Node):
             self._clock_wall = self._pause_wall = now
         if self._paused:
             self._beat(now)
+            if self._lockstep is not None and self._lockstep.released < self._wanted:
+                self._pump_lockstep(self._lockstep, now)
             return HEARTBEAT
         if self._lockstep is not None:
             return self._pump_lockstep(self._lockstep, now)
@@ -183,6 +186,7 @@ class PlayerNode(Node):
 
     def _pump_lockstep(self, lockstep: Lockstep, now: float) -> float:
         lockstep.check()
+        self._beat(now)
         while self._position < len(self._samples) and lockstep.may_send(
             sample := self._samples[self._position]
         ):
@@ -256,7 +260,9 @@ class PlayerNode(Node):
             response.message = "the step before is not answered yet"
         else:
             if self._lockstep is not None:
-                self._pump_lockstep(self._lockstep, self._pause_wall)
+                # A step may have to wait for what confirms the samples before it.
+                self._wanted = self._lockstep.released + 1
+                self._pump_lockstep(self._lockstep, time.monotonic())
             else:
                 self._step_free()
             at = max(self.played, self._reached * 1e-9)

@@ -5,6 +5,7 @@ Give `lead` (a generated drive's lead, a drive, or steps such as 20,-3@10-14) an
 (std_msgs/Float64, m/s^2) steers the lead live. It ends with the run.
 """
 
+import time
 from dataclasses import dataclass
 
 from geometry_msgs.msg import AccelStamped
@@ -29,6 +30,7 @@ from lfd_mpc.settings import STEP_S, MpcSettings
 from lfd_msgs.msg import Decision, DrivingState, VehicleTruth
 from lfd_replay.faults import parse_faults
 from lfd_replay.lockstep import ANSWERS, Lockstep, LockstepError
+from lfd_replay.player import HEARTBEAT
 from lfd_replay.sample_publishers import SamplePublishers
 from lfd_vehicle.lead import lead_motion
 from lfd_vehicle.markers import markers
@@ -44,6 +46,9 @@ LOOP_ANSWERS = {
 """What lockstep waits for in the closed loop."""
 
 LOOP_NODES = ("mpc_node", "observer_node", "diagnosis_node", "decision_node")
+
+SLOWEST = 0.001
+"""Least rate at which the car still is driven."""
 
 MARKER_STEPS = 5
 """Steps between two pictures."""
@@ -81,6 +86,10 @@ class VehicleNode(Node):
         """Raises UserError for a lead, faults or parameters that cannot be."""
         super().__init__("vehicle_node", context=context, **node_options)
         settings = declare_settings(self, VehicleNodeSettings)
+        if 0.0 < settings.rate < SLOWEST:
+            raise UserError(
+                f"parameter 'rate': {settings.rate:g}; expected: 0 or {SLOWEST:g} to 100"
+            )
         scenario = Scenario(lead_motion(settings.lead), tuple(parse_faults([settings.faults])))
         self.world = World(scenario, settings, MpcSettings())
         self.total = scenario.lead.duration
@@ -96,6 +105,7 @@ class VehicleNode(Node):
         self.create_subscription(AccelStamped, "mpc/command", self._on_command, PIPELINE_QOS)
         self.create_subscription(Float64, "lead/acceleration", self._on_lead, 10)
         self._commanded = -1
+        self._told = 0.0
         self._lockstep = (
             Lockstep(self, LOOP_ANSWERS, ("decision",), self._on_timer)
             if settings.rate == 0.0
@@ -150,6 +160,8 @@ class VehicleNode(Node):
     def _pump(self, lockstep: Lockstep) -> None:
         """Send what may be sent; go on by a step when everything is answered."""
         lockstep.check()
+        if time.monotonic() - self._told > HEARTBEAT:
+            self._tell_time()
         if self.world.steps == 0 and not self._waiting:
             lockstep.check_reliable(self._outputs.topics)
             self._waiting = self._now()
@@ -163,10 +175,14 @@ class VehicleNode(Node):
                 return
             self._waiting = self._now()
 
+    def _tell_time(self) -> None:
+        self._told = time.monotonic()
+        self._clock.publish(Clock(clock=to_time(self.world.stamp)))
+
     def _now(self) -> list[Sample]:
         """Tell the time and the truth; the samples of the last 10 ms."""
         world = self.world
-        self._clock.publish(Clock(clock=to_time(world.stamp)))
+        self._tell_time()
         moment, motion = world.moment, world.vehicle.motion
         truth = TrueState(
             world.stamp,
