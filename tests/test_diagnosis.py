@@ -243,3 +243,16 @@ def test_the_reason_says_what_the_radar_says_of_itself() -> None:
     assert report.clearance.reason.endswith("; the radar says: partial blockage")
     assert report.radar.reason.endswith("; the radar says: partial blockage")
     assert "radar says" not in diagnosis.step(make_horizon(2), None).report.clearance.reason
+
+
+def test_simulated_time_that_went_back_hides_no_silence() -> None:
+    """As where a replay loops and the controller died."""
+    watch = SilenceWatch(0.0)
+    for k in range(200):
+        watch.clock(0.01 * k, 100.0 + 0.01 * k)
+        watch.heard(0.01 * k)
+    silent = []
+    for k in range(200, 260):
+        watch.clock(0.01 * k, 5.0 + 0.01 * (k - 200))
+        silent.append(watch.silent(0.01 * k, True))
+    assert silent.index(True) == pytest.approx((LIMIT + 0.02) * 100, abs=2)

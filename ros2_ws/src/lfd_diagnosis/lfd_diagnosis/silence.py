@@ -32,7 +32,8 @@ class SilenceWatch:
     def clock(self, wall: float, simulated: float) -> None:
         """Simulated time was told to be `simulated` (s) at wall time (s)."""
         self._clock_heard, self._simulated = wall, simulated
-        if self._simulated_heard is None:
+        if self._simulated_heard is None or simulated < self._simulated_heard:
+            # Where it went back what comes next is missed from then on.
             self._simulated_heard = simulated
 
     def heard(self, wall: float) -> None:
