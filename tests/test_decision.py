@@ -5,6 +5,7 @@ from math import isnan, nan
 
 import pytest
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from test_nodes import Subscriber
 
 from lfd_diagnosis.decision_node import DecisionNode
@@ -266,6 +267,13 @@ def test_the_node_answers_each_report_once_and_latches_changes() -> None:
         assert decisions.messages[-1].action == DecisionMessage.STOP
         from lfd_diagnosis.diagnosis_node import EVENT_QOS
 
+        assert decisions.messages[0].since.nanosec == STEP, "the first one began something, too"
+        statuses = Subscriber(node, DiagnosticArray, "/diagnostics")
+        graph.spin_until(
+            lambda: statuses.messages and statuses.messages[-1].status[0].level == b"\x03",
+            "a decision that does not come is told",
+        )
+        assert "no decision for" in statuses.messages[-1].status[0].message
         late = graph.add(rclpy.create_node("late", context=graph.context))
         changes = Subscriber(late, DecisionMessage, "diagnosis/decision_changes", EVENT_QOS)
         graph.spin_until(lambda: len(changes.messages) == 3, "changes are latched")

@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+import time
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -9,11 +10,13 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import TwistStamped
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from std_msgs.msg import String
+from sensor_msgs.msg import Imu
+from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 from test_live_equals_offline import drive
 from test_player import call, pump_until
@@ -29,10 +32,11 @@ from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import VERDICTS, State
 from lfd_mpc.controller import Controller
 from lfd_mpc.health import Level, StepHealth
+from lfd_mpc.messages import to_time
 from lfd_mpc.mpc_node import MpcNode
 from lfd_mpc.node_support import PIPELINE_QOS, READY_QOS
 from lfd_mpc.sensor_inputs import INPUT_TOPICS
-from lfd_mpc.settings import MpcSettings
+from lfd_mpc.settings import STEP_NS, MpcSettings
 from lfd_msgs.msg import FaultReport, RadarTarget, SignalFault
 from lfd_msgs.srv import InjectFault
 from lfd_observer.observer_node import ObserverNode
@@ -398,6 +402,63 @@ def test_nodes_come_up_in_any_order_and_name_what_they_wait_for(graph: Graph, ca
     graph.add(PlayerNode(drive(1.0), PlayOptions(), ["mpc_node"], graph.context))
     graph.spin_until(lambda: len(ready.messages) == 3, "all are ready")
     assert {m.data for m in ready.messages} == {"/mpc_node", "/observer_node", "/diagnosis_node"}
+
+
+def test_a_publisher_of_another_type_is_named_and_is_none(graph: Graph, capfd) -> None:
+    graph.add(MpcNode(context=graph.context))
+    elsewhere = rclpy.Context()
+    rclpy.init(context=elsewhere, domain_id=graph.domain)
+    other = rclpy.create_node("other", context=elsewhere)
+    other.create_publisher(Float64, "radar/target", 10)
+    other.create_publisher(Imu, "vehicle/imu", 10)
+    output = ""
+
+    def said() -> bool:
+        nonlocal output
+        output += capfd.readouterr().err
+        return "waiting for a publisher on" in output
+
+    graph.spin_until(said, "it waits")
+    assert "radar/target (there is one of std_msgs/msg/Float64, not lfd_msgs/msg/Radar" in output
+    assert "vehicle/imu" not in output.split("waiting")[1]
+    ready = Watcher(graph, String, "ready", READY_QOS)
+    graph.spin_for(0.2)
+    assert not ready.messages
+    driver = graph.add(rclpy.create_node("driver", context=graph.context))
+    driver.create_publisher(RadarTarget, "radar/target", 10)
+    graph.spin_until(lambda: ready.messages, "ready with the right one")
+    other.destroy_node()
+    rclpy.shutdown(context=elsewhere)
+
+
+def test_two_sources_of_one_input_and_stamps_that_fit_no_other_are_told(graph: Graph) -> None:
+    graph.add(MpcNode(context=graph.context))
+    watcher = Watcher(graph, DiagnosticArray, "/diagnostics", 100)
+    driver = graph.add(rclpy.create_node("driver", context=graph.context))
+    imus = [driver.create_publisher(Imu, "vehicle/imu", 10) for _ in range(2)]
+    twist = driver.create_publisher(TwistStamped, "vehicle/twist", 10)
+    graph.spin_until(
+        lambda: twist.get_subscription_count() and imus[0].get_subscription_count(), "it hears"
+    )
+    said = set()
+    number = 0
+
+    def drive_until(words: str, ahead: int) -> None:
+        nonlocal number
+        deadline = time.monotonic() + 15.0
+        while not any(words in message for message in said):
+            assert time.monotonic() < deadline, (words, said)
+            number += 1
+            imu, speed = Imu(), TwistStamped()
+            imu.header.stamp = to_time(number * STEP_NS)
+            speed.header.stamp = to_time((number + ahead) * STEP_NS)
+            imus[0].publish(imu)
+            twist.publish(speed)
+            graph.spin_for(0.01)
+            said.update(s.message for m in watcher.messages for s in m.status)
+
+    drive_until("samples refused in the last second: stamps that fit no other input", 500)
+    drive_until("more than one publisher on /vehicle/imu", 0)
 
 
 # --- quality of service, namespaces

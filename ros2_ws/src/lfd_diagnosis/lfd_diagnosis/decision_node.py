@@ -1,5 +1,7 @@
 """decision_node: fault reports and reconstructed signals in; fault level and action out."""
 
+import time
+
 from rclpy.context import Context
 from rclpy.node import Node
 
@@ -9,7 +11,7 @@ from lfd_diagnosis.settings import DecisionSettings
 from lfd_diagnosis.verdict import Reconstruction, Report
 from lfd_mpc.decision import Decision as Decided
 from lfd_mpc.decision import FaultLevel
-from lfd_mpc.health import Health, Level
+from lfd_mpc.health import SILENT, Health, Level
 from lfd_mpc.messages import from_message, to_message
 from lfd_mpc.node_support import (
     PIPELINE_QOS,
@@ -43,6 +45,7 @@ class DecisionNode(Node):
         self._made: dict[tuple[int, int], Reconstruction] = {}
         self._last: Decided | None = None
         self._refused = 0
+        self._decided = 0.0
         self._decisions = self.create_publisher(Decision, "diagnosis/decision", PIPELINE_QOS)
         self._changes = self.create_publisher(Decision, "diagnosis/decision_changes", EVENT_QOS)
         self.create_subscription(FaultReport, "diagnosis/faults", self._on_report, PIPELINE_QOS)
@@ -59,11 +62,16 @@ class DecisionNode(Node):
         last = self._last
         if last is None:
             return [Health("fault level", "", Level.STALE, "no decision yet")]
+        age = time.monotonic() - self._decided
         values = {
             "action": last.action.name,
             "since": f"{last.since * 1e-9:.2f} s",
             "reports refused": f"{self._refused}",
+            "age of the last decision [s]": f"{age:.3f}",
         }
+        if age > SILENT:
+            message = f"no decision for {age:.1f} s (limit {SILENT:g} s)"
+            return [Health("fault level", "", Level.STALE, message, values)]
         message = f"{last.level.name}: {last.reason}" if last.reason else last.level.name
         return [Health("fault level", "", LEVELS[last.level], message, values)]
 
@@ -100,6 +108,7 @@ class DecisionNode(Node):
         decision = self._core.step(report, made)
         message = to_message(decision, Decision())
         self._decisions.publish(message)
+        self._decided = time.monotonic()
         before, self._last = self._last, decision
         if before is None or (before.level, before.action) != (decision.level, decision.action):
             self._changes.publish(message)

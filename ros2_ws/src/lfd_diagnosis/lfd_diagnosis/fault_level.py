@@ -92,8 +92,9 @@ class DecisionMaker:
 
     def _pass_time(self, stamp: int) -> None:
         """Count the ns that have passed; a jump of the clock is no time."""
-        gone_on = 0 if self._stamp is None else stamp - self._stamp
-        self._stamp = stamp
+        if self._stamp is None:
+            self._stamp = self._since = stamp
+        gone_on, self._stamp = stamp - self._stamp, stamp
         if 0 < gone_on <= AHEAD_NS:
             self._passed += gone_on
 

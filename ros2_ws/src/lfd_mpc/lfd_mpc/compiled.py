@@ -63,6 +63,7 @@ NOT_COMPILED = (
     "messages.py",
     "node_support.py",
     "node_process.py",
+    "sensor_inputs.py",
     "executables.py",
     "starting.py",
     "deadline.py",

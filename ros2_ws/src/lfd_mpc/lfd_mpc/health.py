@@ -4,7 +4,7 @@
 |---|---|---|
 | OK | OK, NO_TARGET, or an optional input that was never there | answers steps |
 | WARN | NOT_READY, SUSPECT | waits for its first step; missed steps, solved anew or slowly; \
-refused messages |
+refused messages or samples |
 | ERROR | FAULT | |
 | STALE | NO_DATA | no step for `SILENT` s |
 """
@@ -56,14 +56,23 @@ class StepHealth:
         self._recent: deque[tuple[float, float]] = deque()
         self._last_stamp: int | None = None
         self._last_wall = 0.0
-        self._missed = self._jumps = self._fallbacks = self._refused = 0
+        self._missed = self._jumps = self._fallbacks = self._misfits = self._refused = 0
         self._missed_before = self._fallbacks_before = self._refused_before = 0
+        self._misfits_before = 0
         self._refused_because = ""
 
-    def step(self, wall: float, stamp: int, duration: float, fallbacks: int = 0) -> None:
+    def step(
+        self,
+        wall: float,
+        stamp: int,
+        duration: float,
+        fallbacks: int = 0,
+        misfits: int = 0,
+    ) -> None:
         """A step of that stamp (ns) was answered at wall time (s) and took `duration` s.
 
-        `fallbacks`: how many steps so far were solved anew by another solver.
+        `fallbacks`: how many steps so far were solved anew by another solver; `misfits`: how many
+        samples so far were refused, whose stamps fit no other input.
         """
         if self._last_stamp is not None:
             ahead = stamp - self._last_stamp
@@ -72,7 +81,7 @@ class StepHealth:
             else:
                 self._jumps += 1
         self._last_stamp, self._last_wall = stamp, wall
-        self._fallbacks = fallbacks
+        self._fallbacks, self._misfits = fallbacks, misfits
         self._recent.append((wall, duration))
         self._forget(wall)
 
@@ -94,7 +103,8 @@ class StepHealth:
         fallbacks = self._fallbacks - self._fallbacks_before
         refused = self._refused - self._refused_before
         self._missed_before, self._fallbacks_before = self._missed, self._fallbacks
-        self._refused_before = self._refused
+        misfits = self._misfits - self._misfits_before
+        self._refused_before, self._misfits_before = self._refused, self._misfits
         age = wall - self._last_wall
         if refused:
             level = Level.WARN
@@ -103,6 +113,9 @@ class StepHealth:
             level, message = Level.WARN, "waiting for the first step"
         elif age > SILENT:
             level, message = Level.STALE, f"no step for {age:.1f} s (limit {SILENT:g} s)"
+        elif misfits:
+            text = f"{misfits} samples refused in the last second: stamps that fit no other input"
+            level, message = Level.WARN, text
         elif missed:
             level, message = Level.WARN, f"{missed} steps missed in the last second"
         elif fallbacks:

@@ -221,13 +221,16 @@ def joined(args: list[str] | None, leaves_within: float | None = None) -> Iterat
     """ROS joined, since the `time.monotonic()` that is given. Otherwise as `ros_started`."""
     with ros_started(args, leaves_within):
         # A context joins with its first node; hidden, as its name begins with an underscore.
-        first = rclpy.create_node(
-            "_joining",
-            enable_rosout=False,
-            start_parameter_services=False,
-            use_global_arguments=False,
-            parameter_overrides=[Parameter("start_type_description_service", value=False)],
-        )
+        try:
+            first = rclpy.create_node(
+                "_joining",
+                enable_rosout=False,
+                start_parameter_services=False,
+                use_global_arguments=False,
+                parameter_overrides=[Parameter("start_type_description_service", value=False)],
+            )
+        except RuntimeError as error:
+            raise UserError(f"ROS does not start: {_said(error)}") from error
         try:
             yield time.monotonic()
         finally:

@@ -70,9 +70,12 @@ def declare(node: Node, name: str, default: Any, descriptor: ParameterDescriptor
         value = as_meant(given.value, default)
         node._parameter_overrides[name] = Parameter(name, value=value)
     try:
-        return node.declare_parameter(name, default, descriptor).value
+        value = node.declare_parameter(name, default, descriptor).value
     except REFUSED_PARAMETER as error:
         raise UserError(f"parameter '{name}': {error}") from error
+    if value is None:
+        raise UserError(f"parameter '{name}': no value; expected one such as {default}")
+    return value
 
 
 def _checked(kind: type[SettingsType], values: dict[str, Any]) -> SettingsType:
@@ -186,11 +189,7 @@ class ReadyAnnouncer:
         self._ticks = 0
 
     def _check(self) -> None:
-        missing = [
-            topic
-            for topic in self._topics
-            if not self._node.count_publishers(self._node.resolve_topic_name(topic))
-        ]
+        missing = [missed for topic in self._topics if (missed := self._missed(topic))]
         if not missing:
             self._publisher.publish(String(data=self._node.get_fully_qualified_name()))
             self._node.destroy_timer(self._timer)
@@ -200,6 +199,22 @@ class ReadyAnnouncer:
         if self._ticks % 500 == 100:
             self._node.get_logger().info(f"waiting for a publisher on {', '.join(missing)}")
 
+    def _missed(self, topic: str) -> str:
+        """The topic, where nobody publishes on it what the node subscribes to; else empty."""
+        name = self._node.resolve_topic_name(topic)
+        kinds = {info.topic_type for info in self._node.get_publishers_info_by_topic(name)}
+        heard = {
+            f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
+            for subscription in self._node.subscriptions
+            if subscription.topic_name == name and (kind := subscription.msg_type)
+        }
+        if not heard:
+            return "" if kinds else topic
+        if kinds & heard:
+            return ""
+        others = f" (there is one of {', '.join(sorted(kinds))}, not {', '.join(heard)})"
+        return topic + (others if kinds else "")
+
 
 class AwaitedNodes:
     """Nodes that must have said that they are ready before another one begins."""
@@ -207,6 +222,7 @@ class AwaitedNodes:
     def __init__(self, node: Node, names: Iterable[str]) -> None:
         """`names`: of the nodes that `node` waits for."""
         self._missing = set(names)
+        """As they were given: with the namespace or without."""
         self._begun = time.monotonic()
         node.create_subscription(String, READY_TOPIC, self._on_ready, READY_QOS)
 
@@ -224,4 +240,4 @@ class AwaitedNodes:
             )
 
     def _on_ready(self, message: String) -> None:
-        self._missing.discard(message.data.rsplit("/", 1)[-1])
+        self._missing -= {message.data, message.data.rsplit("/", 1)[-1]}
