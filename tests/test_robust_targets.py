@@ -2,6 +2,7 @@
 
 from math import nan
 
+import numpy as np
 import pytest
 from robust_car import SCAN, Car
 
@@ -549,3 +550,50 @@ def test_a_scan_without_a_measurement_says_so_where_its_target_is_known(car: Car
     verdict = car.drive(0.05, relative_velocity_is=nan).report.relative_velocity
     assert verdict.state == State.NOT_READY
     assert verdict.reason == "nothing new to judge in this scan"
+
+
+@pytest.mark.parametrize(
+    ("fault", "gone"),
+    [("clearance_is", 1.0), ("relative_velocity_is", 1.0), ("clearance", 6.0)],
+)
+def test_what_nobody_saw_is_no_agreement_of_a_new_target(car: Car, fault: str, gone: float) -> None:
+    """The fault goes on while the lead is out of sight, and behind the next one."""
+    said = {"clearance_is": car.seen[0], "relative_velocity_is": car.seen[1], "clearance": 3.0}
+    name = fault.removesuffix("_is")
+    random = np.random.default_rng(3)
+
+    def drive(seconds: float, **faults: float) -> list[State]:
+        start = car.number
+        for _ in range(round(seconds)):
+            back = 0.05 * (car.clearance - 30.0) + 0.4 * car.velocity
+            car.lead_acceleration = float(np.clip(random.normal() - back, -2.0, 2.0))
+            car.drive(1.0, **faults)
+        return [getattr(outcome.report, name).state for outcome in car.outcomes[start:]]
+
+    assert drive(3.0, **{fault: said[fault]})[-1] == State.FAULT
+    car.has_target = False
+    drive(gone, **{fault: said[fault]})
+    car.has_target, car.track_id, car.clearance, car.velocity = True, 2, 22.0, 0.5
+    assert State.OK not in drive(4.0, **{fault: said[fault]})
+    start = car.number
+    drive(7.0)
+    assert getattr(car.outcomes[-1].report, name).state == State.OK
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize("scans", [1, 2, 3])
+@pytest.mark.parametrize("track_id", [1, -1])
+@pytest.mark.parametrize(("apart", "faster"), [(12.0, 1.5), (25.0, 4.0)])
+def test_two_targets_that_take_turns_without_an_id_of_their_own_are_no_fault(
+    scans: int, track_id: int, apart: float, faster: float
+) -> None:
+    car = Car()
+    car.track_id = track_id
+    car.drive(12.0)
+    start = car.number
+    for k in range(150):
+        other = k // (5 * scans) % 2
+        way = apart + 0.01 * faster * k
+        car.step(clearance=other * way, relative_velocity=other * faster)
+    car.drive(5.0)
+    assert not car.faults_since(start)

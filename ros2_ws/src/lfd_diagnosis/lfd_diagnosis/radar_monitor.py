@@ -16,6 +16,7 @@ from lfd_diagnosis.healthy_signal import (
     learn_noise,
     note_change,
     resolution_of,
+    restart_roughness,
     rough_share,
     take_repetition,
     take_roughness,
@@ -270,6 +271,9 @@ def _scan(radar, settings, track_id):
         if whole:
             begin_target(radar, settings, track_id)
             radar.begun_at = clearance.at
+            # While nothing was seen nothing has agreed.
+            for signal in (radar.clearance, radar.velocity):
+                signal.lost_since = signal.carried_since = clearance.at
     elif not whole and is_another_in_part(radar, settings, track_id):
         change_target(radar, max(radar.clearance.last_at, radar.velocity.last_at))
         start_target(radar, settings)
@@ -349,7 +353,10 @@ def _judge_signal(radar, settings, signal, measured, of_clearance, repeated):
     possible = ROUGH_CLEARANCE
     if not of_clearance:
         possible = max(ROUGH_VELOCITY, POSSIBLE_JERK * period * period)
-    if not repeated:
+    if radar.leap.scans and radar.leap.far and not signal.faulty:
+        # It may be another target for a moment: how far they lie apart is no noise.
+        restart_roughness(signal.roughness)
+    elif not repeated:
         take_roughness(signal.roughness, measured.at, measured.value, healthy, possible)
     # Of two scans alike the second counts as well: a fault must be told by then.
     count_scan(signal, settings.scan_confidence_max)
