@@ -48,7 +48,7 @@ def test_a_fault_that_ends_while_nothing_better_tells_is_over_later(car: Car, fa
     assert felt(car).state == State.OK
 
 
-def test_the_agreement_that_observers_saw_is_not_the_speeds(car: Car) -> None:
+def test_the_slope_after_a_fault_that_ended_without_a_speed_is_felt_anew(car: Car) -> None:
     """What it was off before the speed was lost tells nothing of its slope afterwards."""
     car.drive(3.0, acceleration=2.0)
     car.host_speed = False

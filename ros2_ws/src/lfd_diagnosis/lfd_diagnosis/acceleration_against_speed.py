@@ -21,6 +21,7 @@ from lfd_diagnosis.acceleration_state import (
     LAG_MEMORY,
     LAG_PRIOR,
     forget_baseline,
+    has_leapt,
     newest_sample,
     shaking_left,
     swings_over_bumps,
@@ -356,10 +357,7 @@ def _follow_baseline(monitor, settings, off):
 def _still_off(monitor, settings, off):
     """A faulty signal against what the difference was before the fault."""
     residual = off - monitor.reference
-    if isnan(monitor.felt):
-        # What the lead said of it meanwhile is not what the speed says.
-        monitor.felt, monitor.agreeing = off, 0.0
-    monitor.felt += FELT_SHARE * (off - monitor.felt)
+    monitor.felt = off if isnan(monitor.felt) else monitor.felt + FELT_SHARE * (off - monitor.felt)
     monitor.off += 3.0 * STEP_S * (residual - monitor.off)
     monitor.settled += 1
     estimate_size(monitor, residual)
@@ -459,8 +457,9 @@ def _follow_slope(monitor, settings, off):
     stays = abs(change) < limit
     known = monitor.kind == Kind.OFFSET and (measured or monitor.settled > SIZE_TO)
     monitor.another_for = monitor.another_for + 1 if still and known and not stays else 0
-    if monitor.another_for >= ANOTHER:
-        # It jumped again, to another level.
+    leapt = monitor.leapt_ago < monitor.settled and has_leapt(monitor, change)
+    if monitor.another_for >= ANOTHER and leapt:
+        # It jumped again, to another level: what came little by little is the road.
         forget_jump(monitor.jump)
         monitor.another_for = monitor.settled = 0
     steady = still and measured and stays
