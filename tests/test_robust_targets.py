@@ -248,11 +248,15 @@ def test_two_cars_of_the_same_speed_hold_no_relative_velocity(car: Car, velocity
     assert not car.faults_since(start)
 
 
-def test_an_id_that_is_another_cars_by_now_is_no_fault(car: Car) -> None:
+@pytest.mark.parametrize("scans", [1, 2, 4])
+@pytest.mark.parametrize(("clearance", "velocity"), [(95.0, 6.0), (60.0, 6.0), (52.0, 6.0)])
+def test_an_id_that_is_another_cars_by_now_is_no_fault(
+    car: Car, scans: int, clearance: float, velocity: float
+) -> None:
     see(car, 2, 60.0, 6.0, 20)
     start = car.number
-    see(car, 1, 30.0, 0.0, 4)
-    see(car, 2, 95.0, 6.0, 20)
+    see(car, 1, 30.0, 0.0, scans)
+    see(car, 2, clearance, velocity, 20)
     assert car.outcomes[-1].report.clearance.state == State.OK
     assert not car.faults_since(start)
 

@@ -283,7 +283,9 @@ def _recall(radar, settings, track_id, at):
             mean, jerk = settings.lead_acceleration_mean, settings.jerk_density
             predict_track(radar.track, since, radar.host, 1.0, mean, jerk)
         slot.at = -np.inf
-        given_away = since > MISSED * radar.period and _is_elsewhere(radar, settings)
+        far = is_far(clearance_now(radar) - radar.track.clearance)
+        missed = since > MISSED * radar.period
+        given_away = (missed or far) and _is_elsewhere(radar, settings)
         vague = slot.scans < KNOWN_SCANS and not _agrees(radar, settings)
         if given_away or vague:
             return False
