@@ -139,7 +139,7 @@ def decision(stamp: int, action: Action, **values) -> Decision:
         ("clearance", "relative_velocity", "relative_acceleration", "acceleration"), float("nan")
     )
     return Decision(
-        stamp, 1, level, action, stamp, "", **{**usable, **nothing, "deceleration": 0.0, **values}
+        stamp, 1, level, action, stamp, "", **{**usable, **nothing, "deceleration": 2.5, **values}
     )
 
 
@@ -167,6 +167,19 @@ def test_each_action_has_its_command() -> None:
         (CHOSEN.degraded_gap - 1.0) * CHOSEN.preview_time * 20.0
     )
     assert afar.command < near.command - 0.3
+
+
+@pytest.mark.parametrize("decided", [1.5, CHOSEN.stopping_deceleration, 4.0])
+def test_a_stop_is_as_hard_as_was_decided(decided: float) -> None:
+    state = driven(4.0, Action.STOP, {"deceleration": decided}, measured_clearance=80.0)
+    assert state.command == pytest.approx(-decided, abs=1e-6)
+
+
+@pytest.mark.parametrize("action", [Action.STOP, Action.BRAKE])
+@pytest.mark.parametrize("told", [0.0, -1.0, float("inf"), float("nan")])
+def test_a_stop_that_would_stop_nothing_is_refused(action: Action, told: float) -> None:
+    with pytest.raises(ValueError, match="deceleration of"):
+        CarDriver(CHOSEN).decide(decision(10_000_000, action, deceleration=told))
 
 
 def test_a_reconstructed_value_is_driven_by_where_the_measured_one_is_not_usable() -> None:

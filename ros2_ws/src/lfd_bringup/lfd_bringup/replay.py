@@ -19,6 +19,7 @@ from lfd_diagnosis.verdict import Event, State
 from lfd_mpc.errors import UserError
 from lfd_mpc.mpc_node import MpcNode
 from lfd_mpc.node_process import deliver, interruptible, make_executor, own_arguments
+from lfd_mpc.starting import INTERRUPTED
 from lfd_observer.observer_node import ObserverNode
 from lfd_replay.bag_player import add_play_options, play, play_options
 from lfd_replay.command_line import (
@@ -43,9 +44,6 @@ LEFT = ("bag", "summary.json", "report.html")
 
 DEFAULT_DRIVE = "data-1"
 DEFAULT_FAULT = "offset:clearance=4,relative_velocity=-10@20-30;offset:acceleration=4@50-60"
-
-INTERRUPTED = 130
-"""Exit status of a replay that was interrupted."""
 
 QUIET = 0.3
 """Seconds without a message after which everything has arrived."""

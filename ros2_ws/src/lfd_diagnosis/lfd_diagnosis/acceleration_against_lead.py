@@ -15,6 +15,7 @@ from lfd_diagnosis.acceleration_state import (
     RADAR_GONE,
     SAMPLES,
     SHARP,
+    follow_off,
     has_leapt,
     newest_sample,
     shaking_left,
@@ -70,11 +71,15 @@ ANSWERED_SHARE, BRAKES_SHARE = 0.5, 0.3
 """Share of a jump that the observers answer if it is the car's own, and of one that goes on as
 brakes do: behind a lead that brakes as well they see but the rest."""
 
+HEALTHY, STILL_OFF = 0.8, 0.8
+"""Share of the limit below which a difference from the lead's word is healthy, and of that of a
+jump beyond which what has jumped by more than the limit is still off."""
+
 OWN_SHARE = 0.7
 """Share of its difference from the lead's word that the accelerometer must have made itself."""
 
-LEAD_MEMORY = 2.0
-"""Seconds over which the lead's acceleration is known when it is not measured."""
+BACK_TO_USUAL = 2.0
+"""Seconds over which a lead that nothing else is known of goes back to driving as most do."""
 
 RELATIVE_SHARE = share_of(SMOOTH)
 
@@ -175,7 +180,7 @@ def _against_report(monitor, settings, lead_report):
     residual = monitor.report_off
     own = monitor.filtered - monitor.own_slow
     limit = _report_limit(monitor, settings)
-    if abs(residual) < 0.8 * limit and monitor.ticks % 10 == 0:
+    if abs(residual) < HEALTHY * limit and monitor.ticks % 10 == 0:
         learn_noise(monitor.report_noise, residual, 0.0)
     if own * residual < 0.0 or abs(own) < OWN_SHARE * abs(residual):
         residual = 0.0
@@ -273,12 +278,12 @@ def _against_observers(monitor, settings, relative_velocity):
         # What swings back is where it was a moment before.
         left = mean_of_swings(monitor) - monitor.own_slow
         jumped = max(min(jumped, 0.0), min(max(jumped, 0.0), left))
-    if abs(jump) <= limit and _is_answered(monitor, max(abs(jumped), 0.8 * limit)):
+    if abs(jump) <= limit and _is_answered(monitor, max(abs(jumped), STILL_OFF * limit)):
         monitor.jumped_for = 0
     if waits(monitor) or (ends_braking(monitor) and not is_nearing(relative_velocity)):
         # It takes the radar a moment to see brakes come on, or a car that jerks back as it stops.
         monitor.confidence = 0
-        _take_if_worse(monitor.check, Ground.OBSERVERS, 0.0, 0.8 * limit)
+        _take_if_worse(monitor.check, Ground.OBSERVERS, 0.0, STILL_OFF * limit)
         return
     answered = monitor.relative_now - monitor.relative
     if swings:
@@ -287,7 +292,7 @@ def _against_observers(monitor, settings, relative_velocity):
     residual = jumped + (answered if answered * monitor.jump_sign < 0.0 else 0.0)
     if residual * monitor.jump_sign < 0.0:
         residual = 0.0
-    _take_if_worse(monitor.check, Ground.OBSERVERS, residual, 0.8 * limit)
+    _take_if_worse(monitor.check, Ground.OBSERVERS, residual, STILL_OFF * limit)
 
 
 @inner
@@ -310,7 +315,7 @@ def _still_off_lead(monitor, settings, lead_report):
     if isnan(monitor.lead_reference) and not is_believed(monitor.speed):
         # After a silence nothing is known of how the lead drove before, and no speed tells soon.
         monitor.lead_reference = mean
-    monitor.lead_reference += STEP_S / LEAD_MEMORY * (mean - monitor.lead_reference)
+    monitor.lead_reference += STEP_S / BACK_TO_USUAL * (mean - monitor.lead_reference)
     if trusted:
         monitor.lead_reference = lead_report.acceleration
     if isnan(monitor.lead) or isnan(monitor.lead_reference):
@@ -321,7 +326,7 @@ def _still_off_lead(monitor, settings, lead_report):
         return
     residual = monitor.lead - monitor.lead_reference
     monitor.settled += 1
-    monitor.off += 3.0 * STEP_S * (residual - monitor.off)
+    follow_off(monitor, residual)
     estimate_size(monitor, residual)
     monitor.size_std = BLIND_STD
     limit = _report_limit(monitor, settings) if trusted else settings.jump_limit
@@ -329,4 +334,5 @@ def _still_off_lead(monitor, settings, lead_report):
         residual, limit = monitor.off, min(limit, 0.5 * abs(monitor.size))
         if not has_leapt(monitor, -monitor.size):
             monitor.must_agree = settings.requalify_time
-    set_check(monitor.check, Ground.OBSERVERS, residual, limit, monitor.kind, np.nan)
+    ground = Ground.LEADS_WORD if trusted else Ground.OBSERVERS
+    set_check(monitor.check, ground, residual, limit, monitor.kind, np.nan)

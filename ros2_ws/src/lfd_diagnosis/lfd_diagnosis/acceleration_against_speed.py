@@ -20,6 +20,7 @@ from lfd_diagnosis.acceleration_state import (
     BASE_SHARE,
     LAG_MEMORY,
     LAG_PRIOR,
+    follow_off,
     forget_baseline,
     has_leapt,
     newest_sample,
@@ -358,7 +359,7 @@ def _still_off(monitor, settings, off):
     """A faulty signal against what the difference was before the fault."""
     residual = off - monitor.reference
     monitor.felt = off if isnan(monitor.felt) else monitor.felt + FELT_SHARE * (off - monitor.felt)
-    monitor.off += 3.0 * STEP_S * (residual - monitor.off)
+    follow_off(monitor, residual)
     monitor.settled += 1
     estimate_size(monitor, residual)
     _follow_slope(monitor, settings, off)

@@ -6,7 +6,6 @@ import numpy as np
 
 from lfd_diagnosis.acceleration_against_lead import (
     BLIND_STD,
-    LEAD_MEMORY,
     against_lead,
     ends_braking,
     follow_lead,
@@ -133,7 +132,8 @@ SECOND_DIFFERENCES = 6.0
 UNHEARD = 0.5
 """Seconds of silence after which a car may accelerate as it likes."""
 
-LEAD_KEEP = exp(-STEP_S / LEAD_MEMORY)
+HOST_KEEP = exp(-STEP_S / 2.0)
+"""What is left after a step of an acceleration of the host that nothing tells any more."""
 
 
 @inner
@@ -169,7 +169,7 @@ def follow_acceleration(monitor, settings, horizon):
             # While a jump is being looked into, what was before it.
             monitor.acceleration = at(monitor.before_jump, 0)
     else:
-        monitor.acceleration *= LEAD_KEEP
+        monitor.acceleration *= HOST_KEEP
     _follow_braking(monitor, as_measured(horizon.measured_acceleration) if usable else np.nan)
 
 
@@ -179,7 +179,7 @@ def coast_acceleration(monitor):
     anything, and how its road goes on is seen by nobody."""
     lose_speed(monitor.speed)
     lose_samples(monitor)
-    monitor.acceleration *= LEAD_KEEP
+    monitor.acceleration *= HOST_KEEP
     _follow_braking(monitor, np.nan)
     _judge_nothing(monitor, STILL_KNOWN)
     monitor.silent_for += STEP_S

@@ -24,7 +24,7 @@ from lfd_diagnosis.host_speed import HOST_SPEED, restart_speed, start_speed
 from lfd_diagnosis.road_bend import ROAD_BEND, start_bend
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
-from lfd_mpc.settings import share_of
+from lfd_mpc.settings import STEP_S, share_of
 
 BASELINE, BASELINE_DELAY = 0.7, 30
 """Time constant in s and delay in steps of what the difference was a moment ago."""
@@ -49,6 +49,9 @@ STRONG = 2.0
 SWINGING = 0.65
 """m/s^2 of usual roughness from which on a bump swings a sensor's mounting so far that it looks
 like a jump."""
+
+OFF_RATE = 3.0
+"""Share in 1/s by which it is followed how far a faulty one is off."""
 
 RADAR_GONE = 30
 """Steps for which the last relative acceleration stands in for one that is no longer known."""
@@ -286,6 +289,12 @@ def shaking_left(monitor, time):
 def has_leapt(monitor, by):
     """Whether the samples lately leapt by most of that many m/s^2."""
     return monitor.leapt_ago < MEMORY and monitor.leap * by > AT_ONCE * by * by
+
+
+@inner
+def follow_off(monitor, residual):
+    """How far a faulty one is off (m/s^2), without its noise."""
+    monitor.off += OFF_RATE * STEP_S * (residual - monitor.off)
 
 
 @inner

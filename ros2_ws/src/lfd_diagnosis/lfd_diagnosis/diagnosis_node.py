@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from lfd_diagnosis.diagnosis import make_diagnosis
-from lfd_diagnosis.markers import markers
+from lfd_diagnosis.markers import MARKER_STEPS, markers
 from lfd_diagnosis.pairing import Pair, Pairing
 from lfd_diagnosis.sensor_health import SensorHealth
 from lfd_diagnosis.settings import DiagnosisSettings
@@ -56,9 +56,6 @@ MARKERS_PARAMETER = ParameterDescriptor(
 FRAME_PARAMETER = ParameterDescriptor(
     description="frame of the markers: origin at the radar, x forward", read_only=True
 )
-MARKER_STEPS = 5
-"""Steps between two pictures."""
-
 WATCH_PERIOD = 0.03
 """Seconds between looks at whether anything arrives."""
 

@@ -55,8 +55,8 @@ HARD, JERK_TIME, LATENESS = 2.0, 0.4, 0.1
 """m/s^2 of braking that ends with a jerk when the car comes to rest, for how many s, and s by which
 the speed may be late to say so."""
 
-JUMP = 0.5
-"""Least jump in m/s between two samples that no car makes."""
+JUMP, JUMP_SIGMA = 0.5, 8.0
+"""Least jump in m/s between two samples that no car makes, and in deviations of its noise."""
 
 RATTLE, RATTLES, BUMP = 4.0, 9, 30
 """Standard deviations of its noise beyond which a speed leaps as no car does, for how many steps a
@@ -410,7 +410,7 @@ def _possible_jump(speed, period):
     """Of a sample so far (s) from the last one that was taken; while several jump, of the second
     one: later ones must not be farther off."""
     period = min(period, 2.0 * (speed.doubted_at - speed.last_at))
-    return max(JUMP, 8.0 * deviation(speed.noise)) + POSSIBLE_ACCELERATION * period
+    return max(JUMP, JUMP_SIGMA * deviation(speed.noise)) + POSSIBLE_ACCELERATION * period
 
 
 @inner

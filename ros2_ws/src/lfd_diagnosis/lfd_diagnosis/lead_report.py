@@ -12,8 +12,8 @@ from lfd_mpc.settings import STEP_S, share_of
 FILTER = 0.3
 """Time constant in s through which what the lead says and what is seen of it are compared."""
 
-DISAGREEMENT = 1.5
-"""Least difference in m/s^2 that is called one."""
+DISAGREEMENT, NOISES = 1.5, 5.0
+"""Least difference in m/s^2 that is called one, and in deviations of its noise."""
 
 POSSIBLE_JERK = 15.0
 """m/s^3 that a lead may reach."""
@@ -57,7 +57,7 @@ def restart_lead(lead):
 @inner
 def lead_limit(settings):
     """Difference in m/s^2 beyond which what the lead says disagrees."""
-    return max(DISAGREEMENT, 5.0 * settings.lead_report_std)
+    return max(DISAGREEMENT, NOISES * settings.lead_report_std)
 
 
 @inner
@@ -100,7 +100,7 @@ def follow_lead_report(lead, settings, horizon, seen):
     value = as_measured(horizon.measured_lead_acceleration)
     if is_new(at, lead.last_at):
         # No car changes its acceleration as fast; what jumps is not believed, seen or not.
-        limit = 5.0 * settings.lead_report_std + POSSIBLE_JERK * (at - lead.last_at)
+        limit = NOISES * settings.lead_report_std + POSSIBLE_JERK * (at - lead.last_at)
         if abs(value - lead.acceleration) > limit:
             _distrust(lead, Ground.LEAD_JUMPED, lead.acceleration, value, limit)
     lead.same_for = lead.same_for + STEP_S if value == lead.acceleration else 0.0

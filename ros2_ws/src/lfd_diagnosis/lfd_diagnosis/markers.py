@@ -12,6 +12,9 @@ from lfd_mpc.horizon import Horizon
 CAR = (4.5, 1.8, 1.5)
 """Length, width and height in m of a car that is drawn."""
 
+MARKER_STEPS = 5
+"""Steps between two pictures."""
+
 GREY = (0.5, 0.5, 0.5)
 
 COLOURS = {

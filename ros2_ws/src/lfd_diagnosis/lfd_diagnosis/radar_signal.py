@@ -81,6 +81,23 @@ may then be off in the mean."""
 NOISE_CLEARS = 1.6
 """A noise leaves its limits now and then only: it must agree for so many times longer."""
 
+SAME, SAME_SIGMA, MOST_OF = 0.6, 4.0, 0.9
+"""Share of the least limit, and deviations of the noise, within which a drift that has stopped
+stays, and share of the time for that that must have been seen."""
+
+TELLABLE, TELLABLE_FLOORS = 0.7, 1.5
+"""Share of the fault, and least limits, that what its reference may be off must stay below if
+agreement is to tell anything."""
+
+HALF, WITHIN = 0.5, 3.0
+"""Share of what a fault was off by, and deviations, that what has come back may still be off."""
+
+BACK_FLOORS, BACK_SHARE = 0.8, 0.4
+"""Least limits, and share of the fault, by which what is no offset jumps back at least."""
+
+LONGEST_PERIOD = 0.2
+"""Seconds that one scan's agreement counts for at most."""
+
 HISTORY = 4096
 """Residuals of a drift that are remembered; over long times not every one is."""
 
@@ -308,17 +325,17 @@ def acquit(signal):
 
 
 @inner
-def lose_reference(signal, at):
+def lose_reference(signal, time):
     """Nothing is left that a faulty signal could be told from, since a time in s."""
     if signal.faulty:
-        signal.lost, signal.lost_since, signal.carried = True, at, False
+        signal.lost, signal.lost_since, signal.carried = True, time, False
 
 
 @inner
-def carry(signal, at):
+def carry(signal, time):
     """The offset of a faulty signal goes on with another target, since a time in s."""
     if signal.faulty:
-        signal.carried, signal.carried_since = True, at
+        signal.carried, signal.carried_since = True, time
 
 
 @inner
@@ -460,13 +477,13 @@ def has_stopped(signal, time, duration):
     while history[newest, 0] - history[first, 0] > duration:
         first, count = (first + 1) % HISTORY, count - 1
     signal.history_first, signal.history_count = first, count
-    if history[newest, 0] - history[first, 0] <= 0.9 * duration:
+    if history[newest, 0] - history[first, 0] <= MOST_OF * duration:
         return False
     lowest, highest = np.inf, -np.inf
     for i in range(count):
         value = history[(first + i) % HISTORY, 1]
         lowest, highest = min(lowest, value), max(highest, value)
-    return highest - lowest < 0.6 * signal.floor + 4.0 * deviation(signal.noise)
+    return highest - lowest < SAME * signal.floor + SAME_SIGMA * deviation(signal.noise)
 
 
 @inner
@@ -519,11 +536,11 @@ def follow_agreement(signal, period, step, spread, sigma):
     # Noise averages out while it agrees; what the reference is off does not.
     averaged = 1.0 - 1.0 / AVERAGED
     known = sqrt(max(spread * spread - averaged * signal.noise.variance, 0.0))
-    signal.tellable = sigma * known < max(0.7 * size, 1.5 * signal.floor)
+    signal.tellable = sigma * known < max(TELLABLE * size, TELLABLE_FLOORS * signal.floor)
     bound = signal.limit
     if is_gauged(signal.kind):
         # What is known to be off by so much has not come back while it is off by half of it.
-        bound = min(bound, max(0.5 * abs(signal.estimate), 3.0 * spread))
+        bound = min(bound, max(HALF * abs(signal.estimate), WITHIN * spread))
     off = is_bad(signal) or abs(signal.residual) > bound
     if abs(step) > AT_ONCE * size:
         signal.at_once = True
@@ -540,12 +557,13 @@ def follow_agreement(signal, period, step, spread, sigma):
         signal.came_back = signal.at_once = False
         restart_agreement(signal)
         return False
-    if signal.kind != Kind.OFFSET and abs(step) > max(0.8 * signal.floor, 0.4 * size):
+    back = max(BACK_FLOORS * signal.floor, BACK_SHARE * size)
+    if signal.kind != Kind.OFFSET and abs(step) > back:
         signal.came_back = True
         restart_agreement(signal)
     signal.agreed += signal.residual
     signal.agreed_scans += 1.0
-    signal.agreeing += min(period, 0.2)
+    signal.agreeing += min(period, LONGEST_PERIOD)
     return True
 
 

@@ -93,12 +93,9 @@ def robust_reasons(
     unheard = f"neither host speed ({host_speed}) nor lead ({lead})"
     says = f"; the radar says: {sensor_text}" if sensor_text else ""
     return {
-        "clearance": _radar_signal(
-            settings, said.clearance, evidence.clearance, evidence, filling, "m"
-        )
+        "clearance": _radar_signal(said.clearance, evidence.clearance, evidence, filling, "m")
         + says,
         "relative_velocity": _radar_signal(
-            settings,
             said.relative_velocity,
             evidence.relative_velocity,
             evidence,
@@ -121,9 +118,7 @@ def _filling(evidence: Any, anew_because: str) -> str:
     return f"{evidence.scans} of {READY_SCANS} scans of this target{because}"
 
 
-def _radar_signal(
-    settings: DiagnosisSettings, verdict: Any, evidence: Any, radar: Any, filling: str, unit: str
-) -> str:
+def _radar_signal(verdict: Any, evidence: Any, radar: Any, filling: str, unit: str) -> str:
     """`evidence` of the one signal, `radar`: of both."""
     state = verdict.state
     if state == State.NO_DATA:

@@ -244,8 +244,8 @@ class DiagnosisSettings(
 ):
     """Settings of the diagnosis.
 
-    Its own fields are the paper's (eqs 25 and 26); the robust profile takes the deviations r1 and
-    r2 for a start and learns them.
+    Its own fields are the paper's (eqs 25 and 26). The robust profile shares `confidence_max`, for
+    the acceleration, and takes the deviations r1 and r2 for a start and learns them.
     """
 
     clearance_std: float = setting(
@@ -297,7 +297,12 @@ class DiagnosisSettings(
         le=1000,
     )
     confidence_max: int = setting(
-        20, "steps", "ceiling of the confidence", "docs/algorithm.md, section 6", ge=1, le=1000
+        20,
+        "steps",
+        "ceiling of the confidence; the robust profile: of the acceleration's",
+        "docs/algorithm.md, section 6",
+        ge=1,
+        le=1000,
     )
 
     @model_validator(mode="after")

@@ -62,6 +62,9 @@ SUDDEN, SUDDEN_SHARE = 0.8, 0.7
 STEPS = 2.5
 """Steps of the clearance's resolution that a drift may seem to have."""
 
+HEALTHY = 0.6
+"""Share of the limit up to which what has passed is learnt as healthy."""
+
 LONGER = 1.4
 """How many times more the two may come apart over two windows than over one."""
 
@@ -228,7 +231,7 @@ def path_drift(path, settings, limit):
     recent, before = newest - middle, middle - _level(path, now - 2.0 * half)
     # What is nearly a contradiction is not learnt as healthy, nor what goes on and on.
     goes_on = recent * before > 0.0 and min(abs(recent), abs(before)) > deviation(path.noise)
-    if abs(before) <= 0.6 * limit and not goes_on:
+    if abs(before) <= HEALTHY * limit and not goes_on:
         learn_noise(path.noise, before, 0.0)
     long /= LONGER
     over_one = abs(short) >= abs(long)

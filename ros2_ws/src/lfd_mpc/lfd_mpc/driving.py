@@ -61,6 +61,10 @@ HARD = 1.5
 """Deceleration in m/s^2 that must be needed before the jerk is more than comfortable."""
 
 
+STOPS = (Action.STOP, Action.BRAKE)
+"""Actions that brake as hard as was decided."""
+
+
 class Source(IntEnum):
     """Where a value that the car is driven by comes from; as in `lfd_msgs/DrivingState`."""
 
@@ -124,8 +128,9 @@ class CarDriver:
 
         Raises ValueError for one that no decision node makes.
         """
-        if not 0.0 <= decision.deceleration < inf:
-            raise ValueError(f"a deceleration of {decision.deceleration:g} m/s^2")
+        deceleration, stops = decision.deceleration, decision.action in STOPS
+        if not 0.0 <= deceleration < inf or (stops and not deceleration):
+            raise ValueError(f"a deceleration of {deceleration:g} m/s^2")
         self._decision, self._ever_decided = decision, True
 
     def drive(self, horizon: Horizon) -> DrivingState:
@@ -258,8 +263,8 @@ class CarDriver:
         settings, decision = self._settings, self._decision
         acceleration, speed, measured = own
         deceleration = settings.stopping_deceleration
-        if decision is not None and action in (Action.STOP, Action.BRAKE):
-            deceleration = max(deceleration, decision.deceleration)
+        if decision is not None and decision.action in STOPS:
+            deceleration = decision.deceleration
         if action == Action.BRAKE:
             self._holding = isfinite(speed) and speed < STANDING
             return -deceleration, settings.emergency_jerk

@@ -171,7 +171,8 @@ class DrivingSettings(Settings):
     stopping_deceleration: float = setting(
         2.5,
         "m/s^2",
-        "deceleration of a stop that the driver did not take over",
+        "deceleration of a stop because no decision came; a decided stop that is harder comes at "
+        "once (emergency_jerk)",
         "ISO 15622",
         gt=0.0,
         le=5.0,

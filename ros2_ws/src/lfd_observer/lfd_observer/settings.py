@@ -5,6 +5,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from lfd_mpc.settings import HorizonSettings, Settings, setting
+from lfd_observer.sliding_mode_observer import reachability_margin
 
 
 class LeadMotion(Settings):
@@ -107,9 +108,10 @@ class BankSettings(HorizonSettings, LeadMotion):
                 f"the largest lag ({self.lags[-1]}) must not exceed prediction_steps "
                 f"({self.prediction_steps})"
             )
-        if self.injection_gain <= self.largest_relative_acceleration:
+        largest = self.largest_relative_acceleration
+        if reachability_margin(self.injection_gain, largest, 0.0) <= 0.0:
             raise ValueError(
                 f"injection_gain ({self.injection_gain:g}) must exceed "
-                f"largest_relative_acceleration ({self.largest_relative_acceleration:g} m/s^2)"
+                f"largest_relative_acceleration ({largest:g} m/s^2)"
             )
         return self

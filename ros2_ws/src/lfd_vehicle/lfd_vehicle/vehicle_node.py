@@ -17,6 +17,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
 from visualization_msgs.msg import MarkerArray
 
+from lfd_diagnosis.markers import MARKER_STEPS
 from lfd_mpc.errors import UserError
 from lfd_mpc.messages import from_time, to_message, to_time
 from lfd_mpc.node_support import (
@@ -49,9 +50,6 @@ LOOP_NODES = ("mpc_node", "observer_node", "diagnosis_node", "decision_node")
 
 SLOWEST = 0.001
 """Least rate at which the car still is driven."""
-
-MARKER_STEPS = 5
-"""Steps between two pictures."""
 
 
 @dataclass(slots=True)
