@@ -159,21 +159,36 @@ ACCELERATION = np.dtype(
     ],
     align=True,
 )
-"""State of the acceleration signal; `acceleration` (m/s^2) is how the host really accelerates,
-`braked` how hard it lately braked, `jolt` the same while that may have ended at once, and
-`stops_from` while it comes to rest.
+"""State of the acceleration signal; accelerations in m/s^2, times in s, what counts in `_for` as
+an integer, `settled` and `ticks` in steps.
 
-`taken` (m/s^2): the newest sample that was taken; while newer ones leap from it, since `leapt_at`
-(s), they are `doubted`. `leap` (m/s^2): the last one, `leapt_ago` steps ago.
-`felt` (m/s^2): the mean of what a faulty one and the speed differ by;
-`undone` (m/s^2): what that would be as a jump, of `undone_by`, has just been undone, if all of it
-was. `before`, `relative_before` (m/s^2): the samples and `relative_slow` as a jump without host
-speed began.
-`came_at_once`: whether the fault jumped; `level` (m/s^2): where what is felt has stayed for
-`level_for` s; `silent_for`: how long nothing was heard, in s.
-`must_agree` (s): for how long what agrees must do so.
-`ended_size` (m/s^2): of the fault that was over last, `ended_for` (s) by now, NaN if none was.
-`shaking` (m/s^2): the deviation of single samples just now, by the `newest` ones.
+`acceleration` is how the host really accelerates, `braked` how hard it lately braked, `jolt` the
+same while that may have ended at once, and `stops_from` while it comes to rest.
+
+Samples. `taken`: the newest one that was taken; while newer ones leap from it, since `leapt_at`,
+they are `doubted`; `new_samples` disagree since the confidence in a fault grows. `leap`: the last
+one, `leapt_ago` steps ago, counts for `leapt_for` more. `burst` (m^2/s^4): what single samples lie
+about their mean; `shaking`: their deviation just now, by the `newest` ones.
+
+Against the host's speed. `jerk_then` and `own_jerk` (m/s^3): felt a moment ago, and now as far as a
+manoeuvre makes it; `lag_product` over `lag_square` is the lag in s, `best_product` over
+`best_square` the lag with what smoothing adds. `slope` is known as well as `slope_known` s of
+learning make it; `baseline`, made of `recent`, is what the difference was a moment ago.
+
+Against the lead. `relative_now` is what observers say of two steps, `relative_slow` their mean,
+`relative` the last one that was no answer to a jump; nothing for `radar_gone` steps. `lead` is what
+it then does, `lead_slow` and `own_slow` what it and the host did a moment ago. A jump has
+`jumped_for` more steps to be answered in; `before`, `relative_before`: samples and `relative_slow`
+as it began. `report_off`: what the lead's word is off by.
+
+A fault. It is held against `reference`, the slope by now, or `lead_reference`; `off` and `felt` are
+the means of what it is off by and of what it and the speed differ by; `settled` steps old.
+`corrected`: whether it is off by its `size` still, so that the rest of it is healthy. `undone`:
+what that would be as a jump, of `undone_by`, has just been undone, if all of it was.
+`came_at_once`: whether the fault jumped; `level`: where what is felt has stayed for `level_for`;
+`settling`: whether that is the road's. `silent_for`: how long nothing was heard. `must_agree`: for
+how long what agrees must do so. `ended_size`: of the fault that was over last, `ended_for` by now,
+NaN if none was.
 """
 
 

@@ -103,38 +103,38 @@ def follow_held_velocity(radar, settings, same):
     if not velocity.new:
         return
     if not (same and radar.has_track):
-        if radar.velocity.last_at > radar.held_since:
-            radar.sees_again_at = velocity.at
-            radar.unsaid_for = radar.velocity.last_at - radar.held_since
+        if radar.velocity.last_at > radar.held.since:
+            radar.held.sees_again_at = velocity.at
+            radar.held.unsaid_for = radar.velocity.last_at - radar.held.since
             # For so short a time a lead goes on as it just did, not as in the mean.
-            more = radar.track_when_held.acceleration - radar.lead_when_held
-            radar.unsaid = radar.changed_while_held + more * radar.unsaid_for
+            more = radar.held.track.acceleration - radar.held.lead
+            radar.held.unsaid = radar.held.changed + more * radar.held.unsaid_for
         begin_to_hold(radar)
         return
     period = velocity.at - radar.velocity.last_at
-    lead = radar.lead_when_held
+    lead = radar.held.lead
     if radar.host_speed + velocity.value < AT_REST:
         lead = max(lead, 0.0)
-    radar.changed_while_held += (lead - radar.host) * period
-    radar.most_changed = max(radar.most_changed, abs(radar.changed_while_held))
-    radar.expected_off += radar.changed_while_held * period
-    radar.clearance_when_held += velocity.value * period
+    radar.held.changed += (lead - radar.host) * period
+    radar.held.most_changed = max(radar.held.most_changed, abs(radar.held.changed))
+    radar.held.expected_off += radar.held.changed * period
+    radar.held.clearance += velocity.value * period
     if clearance.new:
-        off = clearance.value - radar.clearance_when_held
-        radar.least_off = min(radar.least_off, off)
-        radar.most_off = max(radar.most_off, off)
-        off = _nearest_to_zero(off, off - radar.beside_when_held)
+        off = clearance.value - radar.held.clearance
+        radar.held.least_off = min(radar.held.least_off, off)
+        radar.held.most_off = max(radar.held.most_off, off)
+        off = _nearest_to_zero(off, off - radar.held.beside)
         # One scan that jumps tells nothing, nor does any alone where both cars may stand for long;
         # with a host speed, which knows a car that stands, waiting for a second one would only be
         # late.
-        alone = abs(off - radar.off_by_last) > radar.clearance.limit or isnan(radar.host_speed)
-        told = _nearest_to_zero(off, radar.off_by_last) if alone else off
-        radar.off_while_held += HELD_SHARE * (told - radar.off_while_held)
-        radar.off_by_last = off
-        radar.most_at_once = max(
-            radar.most_at_once, abs(radar.off_while_held - at(radar.off_lately, 0))
+        alone = abs(off - radar.held.off_by_last) > radar.clearance.limit or isnan(radar.host_speed)
+        told = _nearest_to_zero(off, radar.held.off_by_last) if alone else off
+        radar.held.off += HELD_SHARE * (told - radar.held.off)
+        radar.held.off_by_last = off
+        radar.held.most_at_once = max(
+            radar.held.most_at_once, abs(radar.held.off - at(radar.held.off_lately, 0))
         )
-        append(radar.off_lately, radar.off_while_held)
+        append(radar.held.off_lately, radar.held.off)
         if _is_refuted(radar, settings):
             # What it said so far was right.
             begin_to_hold(radar)
@@ -152,31 +152,31 @@ def _nearest_to_zero(first, second):
 def catches_up(radar, settings):
     """Whether a relative velocity says by now, all at once, what it did not say while it repeated
     itself: a radar that lost its target for a moment goes on from what it knew."""
-    velocity, lost_for = radar.velocity, radar.unsaid_for
+    velocity, lost_for = radar.velocity, radar.held.unsaid_for
     wavers = ONE_SCAN * radar.period
     for_a_moment = UNSEEN_LEAST - wavers <= lost_for <= UNSEEN_MOST + wavers
     if not (settings.check_repetition and for_a_moment):
         return False
     # The first scan that is off must be the one that no longer repeats itself.
-    if velocity.last_at - radar.sees_again_at > wavers:
+    if velocity.last_at - radar.held.sees_again_at > wavers:
         return False
     if lost_for < radar.period * run_by_chance(velocity.repetition, CALM_CHANCE):
         return False
     doubt = velocity.limit + UNSEEN_LEAD * lost_for
-    return abs(velocity.residual - radar.unsaid) <= doubt
+    return abs(velocity.residual - radar.held.unsaid) <= doubt
 
 
 @inner
 def _may_be_unseen(radar):
     """Whether a relative velocity repeats itself for no longer than a radar goes on without its
     target, and the clearance goes just as that says, as if it were made of it."""
-    lasts = radar.velocity.last_at - radar.held_since
-    if radar.leapt_to_zero or lasts > UNSEEN_MOST + ONE_SCAN * radar.period:
+    lasts = radar.velocity.last_at - radar.held.since
+    if radar.held.leapt_to_zero or lasts > UNSEEN_MOST + ONE_SCAN * radar.period:
         return False
     rounded = ROUNDED * resolution_of(radar.clearance.roughness)
     wavers = STAMPS_WAVER * abs(radar.measured_velocity.value)
     # Without a clearance nothing says so.
-    return 0.0 <= radar.most_off - radar.least_off <= rounded + wavers
+    return 0.0 <= radar.held.most_off - radar.held.least_off <= rounded + wavers
 
 
 @inner
@@ -212,43 +212,45 @@ def velocity_seems_held(radar):
 def begin_to_hold(radar):
     """A relative velocity may repeat itself from now on."""
     velocity, track = radar.measured_velocity, radar.track
-    radar.lead_when_held = radar.slow_acceleration
-    radar.slower_lead_when_held = radar.slower_acceleration
-    radar.track_when_held = track
-    radar.time_while_held = radar.host_gain_while_held = radar.host_path_while_held = 0.0
+    radar.held.lead = radar.slow_acceleration
+    radar.held.slower_lead = radar.slower_acceleration
+    radar.held.track = track
+    radar.held.time = radar.held.host_gain = radar.held.host_path = 0.0
     # What is held was measured; a zero was not, and may be off from its first sample on.
     expected = track.velocity - velocity.age * (track.acceleration - radar.host)
     vague = EXPECTED_SIGMA * sqrt(track.vv)
-    radar.changed_while_held = beyond(expected, vague) if velocity.value == 0.0 else 0.0
-    radar.most_changed = abs(radar.changed_while_held)
+    radar.held.changed = beyond(expected, vague) if velocity.value == 0.0 else 0.0
+    radar.held.most_changed = abs(radar.held.changed)
     leap = max(LEAPT, LEAPT_STEPS * resolution_of(radar.velocity.roughness))
-    radar.leapt_to_zero = radar.most_changed > leap
+    radar.held.leapt_to_zero = radar.held.most_changed > leap
     radar.velocity.repetition.odd = 0
-    radar.held_since = velocity.at
-    radar.clearance_when_held = track.clearance - velocity.age * track.velocity
+    radar.held.since = velocity.at
+    radar.held.clearance = track.clearance - velocity.age * track.velocity
     # What it lay beside the track before, beyond its noise, is no reason.
     noise = deviation(radar.clearance.noise)
-    radar.beside_when_held = beyond(radar.beside, noise)
-    radar.expected_off = radar.off_while_held = radar.off_by_last = radar.most_at_once = 0.0
-    radar.least_off, radar.most_off = np.inf, -np.inf
-    start_ring(radar.off_lately, AT_ONCE)
-    append(radar.off_lately, 0.0)
+    radar.held.beside = beyond(radar.beside, noise)
+    radar.held.expected_off = radar.held.off = radar.held.off_by_last = radar.held.most_at_once = (
+        0.0
+    )
+    radar.held.least_off, radar.held.most_off = np.inf, -np.inf
+    start_ring(radar.held.off_lately, AT_ONCE)
+    append(radar.held.off_lately, 0.0)
 
 
 @inner
 def take_back_held(radar, settings, age):
     """What the track was taught by a relative velocity that only repeated itself: it goes on from
     what it was before."""
-    if radar.time_while_held > TAKEN_BACK:
+    if radar.held.time > TAKEN_BACK:
         return
     track, clearance = radar.track, radar.clearance
     mean = settings.lead_acceleration_mean
-    radar.track = radar.track_when_held
-    radar.slow_acceleration = radar.lead_when_held
-    radar.slower_acceleration = radar.slower_lead_when_held
-    predict_track(track, radar.time_while_held, 0.0, 1.0, mean, settings.jerk_density)
-    track.velocity -= radar.host_gain_while_held
-    track.clearance -= radar.host_path_while_held
+    radar.track = radar.held.track
+    radar.slow_acceleration = radar.held.lead
+    radar.slower_acceleration = radar.held.slower_lead
+    predict_track(track, radar.held.time, 0.0, 1.0, mean, settings.jerk_density)
+    track.velocity -= radar.held.host_gain
+    track.clearance -= radar.held.host_path
     if radar.measured_clearance.new and not clearance.faulty:
         now = radar.measured_clearance.value + age * track.velocity
         if is_bad(clearance):
@@ -278,7 +280,7 @@ def is_stuck(radar, settings, signal, of_clearance, changed):
             return True
         if _may_both_stand(radar) and not _repeats_itself(radar):
             return False
-        if radar.leapt_to_zero and _stays_at_zero(signal.repetition):
+        if radar.held.leapt_to_zero and _stays_at_zero(signal.repetition):
             return True
         if not changed and _is_followed(radar) and repeats_by_itself(signal.repetition):
             # What it repeats is still true.
@@ -333,23 +335,23 @@ def should_have_changed(radar, settings, of_clearance):
             max(HELD_PATH, HELD_SIGMA * deviation(clearance.noise)) / longer,
             HELD_STEPS * clearance.roughness.resolution + sqrt(wander_of(radar, settings)),
         )
-        travelled = radar.travelled_while_held
+        travelled = radar.held.travelled
         if abs(travelled) > moved:
             # Where the path was wrong before, it is no reason.
             held_for = clearance.repetition.run * radar.period
             rate = _rate_before(radar, clearance.last_at - held_for)
             travelled = _nearest_to_zero(travelled, travelled + rate * held_for)
         return abs(travelled) > moved
-    return radar.most_changed > _change_in_doubt(radar) or _has_left(radar, settings)
+    return radar.held.most_changed > _change_in_doubt(radar) or _has_left(radar, settings)
 
 
 @inner
 def _change_in_doubt(radar):
     """How much (m/s) host and lead must have changed a relative velocity that repeats itself."""
     velocity = radar.velocity
-    step, held_for = resolution_of(velocity.roughness), velocity.last_at - radar.held_since
+    step, held_for = resolution_of(velocity.roughness), velocity.last_at - radar.held.since
     # A lead whose relative velocity was faulty is known no better than one that came into view.
-    known_for = max(radar.held_since - max(radar.begun_at, velocity.faulty_at), 0.0)
+    known_for = max(radar.held.since - max(radar.begun_at, velocity.faulty_at), 0.0)
     change = max(HELD_CHANGE, CHANGE_STEPS * step) + LEAD_DOUBT * max(held_for - 1.0, 0.0)
     change += UNKNOWN_LEAD * exp(-known_for / SLOW) * held_for
     return change + BLIND_DOUBT * held_for if isnan(radar.host_speed) else change
@@ -366,9 +368,9 @@ def _is_followed(radar):
     """Whether a clearance tells of the path since the relative velocity began to repeat itself."""
     clearance = radar.clearance
     # Off, now or as that began, or held itself, it tells nothing.
-    was_off = clearance.faulty or clearance.faulty_at >= radar.held_since
+    was_off = clearance.faulty or clearance.faulty_at >= radar.held.since
     useless = was_off or is_bad(clearance) or is_held(clearance)
-    return clearance.last_at > radar.held_since and not useless
+    return clearance.last_at > radar.held.since and not useless
 
 
 @inner
@@ -391,7 +393,7 @@ def _beside(radar, settings, share):
 @inner
 def _rounded(radar):
     """What is lost (m) between the steps of both signals' resolutions meanwhile."""
-    held_for = radar.velocity.last_at - radar.held_since
+    held_for = radar.velocity.last_at - radar.held.since
     lost = resolution_of(radar.velocity.roughness) * held_for
     return 0.5 * (lost + resolution_of(radar.clearance.roughness))
 
@@ -402,9 +404,9 @@ def _is_refuted(radar, settings):
     should have left the path by far, and has not."""
     if not _is_followed(radar):
         return False
-    expected = abs(radar.expected_off)
+    expected = abs(radar.held.expected_off)
     far = expected > REFUTED * _usually_off(radar, settings)
-    return far and abs(radar.off_while_held) < 0.5 * expected
+    return far and abs(radar.held.off) < 0.5 * expected
 
 
 @inner
@@ -413,12 +415,12 @@ def _has_left(radar, settings):
     or little by little, as it does not where another part of the car is seen."""
     if not _is_followed(radar):
         return False
-    left, once = radar.off_while_held, radar.most_at_once
+    left, once = radar.held.off, radar.held.most_at_once
     if _has_left_by(radar, left, _usually_off(radar, settings)):
         return True
     little = GRADUALLY * _beside(radar, settings, 1.0)
-    if radar.changed_while_held * left > 0.0:
-        told = min(abs(radar.changed_while_held) / _change_in_doubt(radar), 1.0)
+    if radar.held.changed * left > 0.0:
+        told = min(abs(radar.held.changed) / _change_in_doubt(radar), 1.0)
         little *= 1.0 - CONFIRMED * told
     return _has_left_by(radar, beyond(left, once), little + _rounded(radar))
 
@@ -428,7 +430,7 @@ def _has_left_by(radar, left, off):
     """Whether a clearance that `left` its path by so much (m) did so by more than `off`."""
     if abs(left) > off:
         # What had been leaving it before leaves it for another reason.
-        held_for = radar.velocity.last_at - radar.held_since
-        rate = _rate_before(radar, radar.held_since)
+        held_for = radar.velocity.last_at - radar.held.since
+        rate = _rate_before(radar, radar.held.since)
         left = _nearest_to_zero(left, left - rate * held_for)
     return abs(left) > off

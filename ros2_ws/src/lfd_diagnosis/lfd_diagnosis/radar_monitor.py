@@ -224,11 +224,9 @@ def _predict(radar, settings, host_acceleration, host_jolt, lead_acceleration):
     mean = settings.lead_acceleration_mean
     predict_track(track, STEP_S, host_acceleration, keep, mean, jerk)
     track.vv += LATE * STEP_S * host_jolt**2
-    radar.host_path_while_held += STEP_S * (
-        radar.host_gain_while_held + 0.5 * STEP_S * host_acceleration
-    )
-    radar.host_gain_while_held += STEP_S * host_acceleration
-    radar.time_while_held += STEP_S
+    radar.held.host_path += STEP_S * (radar.held.host_gain + 0.5 * STEP_S * host_acceleration)
+    radar.held.host_gain += STEP_S * host_acceleration
+    radar.held.time += STEP_S
     if clearance.faulty:
         clearance.coasted += STEP_S
         track.cc += 2.0 * USUAL_BIAS**2 * clearance.coasted * STEP_S
@@ -263,9 +261,9 @@ def _scan(radar, settings, track_id):
     # What was travelled while nothing was seen, or nothing heard of how fast, is hardly known.
     followed = not radar.velocity.faulty and max(period, unheard) < LARGEST_GAP
     if not (same_clearance and radar.has_track and followed):
-        radar.travelled_while_held = 0.0
+        radar.held.travelled = 0.0
     elif radar.host_moves or _drives_off(radar):
-        radar.travelled_while_held += radar.track.velocity * period
+        radar.held.travelled += radar.track.velocity * period
     follow_held_velocity(radar, settings, same_velocity)
     if not radar.has_track:
         if whole:
@@ -632,12 +630,12 @@ def _explain(radar, settings, difference, limit, reach):
     path, track, drift = radar.path, radar.track, radar.drift
     clearance, velocity = radar.clearance, radar.velocity
     may_be_held = settings.check_repetition and velocity_seems_held(radar)
-    if may_be_held and abs(radar.off_while_held) > 0.5 * abs(difference):
+    if may_be_held and abs(radar.held.off) > 0.5 * abs(difference):
         # Then it is not the clearance that drifts: in a moment the relative velocity tells.
         return
     # That of a coarse radar repeats itself though nothing is held.
     repeats_itself = is_beyond_chance(clearance.repetition, clearance.repetition.run)
-    held = repeats_itself and abs(radar.travelled_while_held) > 0.5 * abs(difference)
+    held = repeats_itself and abs(radar.held.travelled) > 0.5 * abs(difference)
     excess, noise = abs(difference) / limit, clearance.noise.variance
     explain_drift(path, settings, reach, excess, held, noise, drift)
     if drift.shifted:

@@ -56,6 +56,49 @@ MEASURED = np.dtype([("new", "?"), ("at", "f8"), ("value", "f8"), ("age", "f8")]
 
 _SLOT = np.dtype([("id", "i8"), ("at", "f8"), ("scans", "i8"), ("track", LEAD_TRACK)], align=True)
 
+HELD = np.dtype(
+    [
+        ("since", "f8"),
+        ("time", "f8"),
+        # The lead's acceleration then, and the mean over longer.
+        ("lead", "f8"),
+        ("slower_lead", "f8"),
+        ("track", LEAD_TRACK),
+        # What the host gained in speed since, and the path that this made.
+        ("host_gain", "f8"),
+        ("host_path", "f8"),
+        # By how much the relative velocity should have changed, at most, and the path of that.
+        ("changed", "f8"),
+        ("most_changed", "f8"),
+        ("expected_off", "f8"),
+        ("leapt_to_zero", "?"),
+        # Where the clearance would be, how far it is off, within some scans, and at most.
+        ("clearance", "f8"),
+        ("beside", "f8"),
+        ("off", "f8"),
+        ("off_by_last", "f8"),
+        ("off_lately", RING),
+        ("most_at_once", "f8"),
+        ("least_off", "f8"),
+        ("most_off", "f8"),
+        # A clearance that repeats itself.
+        ("travelled", "f8"),
+        # Once it is over.
+        ("sees_again_at", "f8"),
+        ("unsaid", "f8"),
+        ("unsaid_for", "f8"),
+    ],
+    align=True,
+)
+"""A relative velocity that may repeat itself, `since` a time in s, `time` s ago by the steps; m,
+m/s and m/s^2.
+
+`leapt_to_zero`: whether it began so; `beside` is how far the clearance lay beside the track then,
+`most_at_once` by how much it left the path within a few scans (`off_lately`). `travelled` is the
+path of the relative velocity while the clearance repeats itself. `unsaid` is by how much host and
+lead should have changed one that repeated itself for `unsaid_for` s until `sees_again_at` (s).
+"""
+
 RADAR = np.dtype(
     [
         ("clearance", RADAR_SIGNAL),
@@ -81,30 +124,8 @@ RADAR = np.dtype(
         ("host", "f8"),
         ("host_moves", "?"),
         ("host_speed", "f8"),
-        ("travelled_while_held", "f8"),
-        ("lead_when_held", "f8"),
-        ("slower_lead_when_held", "f8"),
-        ("changed_while_held", "f8"),
-        ("most_changed", "f8"),
-        ("expected_off", "f8"),
-        ("leapt_to_zero", "?"),
-        ("held_since", "f8"),
-        ("clearance_when_held", "f8"),
-        ("off_while_held", "f8"),
-        ("off_lately", RING),
-        ("most_at_once", "f8"),
-        ("off_by_last", "f8"),
-        ("least_off", "f8"),
-        ("most_off", "f8"),
+        ("held", HELD),
         ("beside", "f8"),
-        ("beside_when_held", "f8"),
-        ("track_when_held", LEAD_TRACK),
-        ("time_while_held", "f8"),
-        ("host_gain_while_held", "f8"),
-        ("host_path_while_held", "f8"),
-        ("sees_again_at", "f8"),
-        ("unsaid", "f8"),
-        ("unsaid_for", "f8"),
         ("agreed_clearance", "f8"),
         ("agreed_path", "f8"),
         ("shifted_at", "f8"),
@@ -117,14 +138,10 @@ RADAR = np.dtype(
 `before_at` (s), when the last scan was not yet taken. While it is `unseen` the radar says that it
 sees no lead; `followed`: scans that it was seen in, less what was lost of it.
 
-`most_at_once` (m) is by how much the clearance left the path of a relative velocity that repeats
-itself within a few scans, `off_lately` how far it was off in them, `least_off` and `most_off` (m)
-where it lay beside it; `unsaid` (m/s) is by how much host and lead should have changed one that
-repeated itself for `unsaid_for` s until `sees_again_at` (s). `beside` (m) is what the clearance
-lately lay beside the track. `elsewhere` (m) is how far the part of the car that is seen lies
-from the one that was seen first, `shifted_at` (s) when it last went over to another one behind a
-faulty relative velocity; `agreed_clearance` (m) is what was measured when that began to
-agree again, `agreed_path` (m) the path that it makes since.
+`beside` (m) is what the clearance lately lay beside the track. `elsewhere` (m) is how far the part
+of the car that is seen lies from the one that was seen first, `shifted_at` (s) when it last went
+over to another one behind a faulty relative velocity; `agreed_clearance` (m) is what was measured
+when that began to agree again, `agreed_path` (m) the path that it makes since.
 """
 
 
@@ -156,12 +173,12 @@ def start_target(radar, settings):
     radar.id = UNKNOWN_TRACK
     radar.remembered_count = 0
     radar.slow_acceleration = radar.slower_acceleration = settings.lead_acceleration_mean
-    radar.host = radar.travelled_while_held = 0.0
-    radar.lead_when_held = radar.changed_while_held = radar.most_changed = 0.0
-    radar.clearance_when_held = radar.off_while_held = radar.expected_off = 0.0
-    radar.beside = radar.beside_when_held = 0.0
-    radar.leapt_to_zero = False
-    radar.sees_again_at = radar.shifted_at = -np.inf
+    radar.host = radar.held.travelled = 0.0
+    radar.held.lead = radar.held.changed = radar.held.most_changed = 0.0
+    radar.held.clearance = radar.held.off = radar.held.expected_off = 0.0
+    radar.beside = radar.held.beside = 0.0
+    radar.held.leapt_to_zero = False
+    radar.held.sees_again_at = radar.shifted_at = -np.inf
     clear_path(radar.path)
     forget_leap(radar.leap)
     restart_signal(radar.clearance)

@@ -123,7 +123,7 @@ def begin_target(radar, settings, track_id):
     radar.slow_acceleration = radar.slower_acceleration = mean
     radar.elsewhere = 0.0
     # Nothing of another target says that this one's signals are held, or rough.
-    radar.travelled_while_held = 0.0
+    radar.held.travelled = 0.0
     begin_to_hold(radar)
     empty_roughness(radar.clearance.roughness)
     empty_roughness(radar.velocity.roughness)
@@ -307,7 +307,7 @@ def _knows(radar, settings, track_id, changed):
     if _agrees(radar, settings) and (faulty or not is_far(off)):
         if changed and not faulty:
             # Another id is another part of it: that lies where it is seen.
-            radar.clearance_when_held += off
+            radar.held.clearance += off
             go_over(radar, now, radar.clearance.noise.variance)
         return True
     if faulty:
