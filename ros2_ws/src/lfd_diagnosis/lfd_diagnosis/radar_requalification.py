@@ -11,6 +11,7 @@ from lfd_diagnosis.radar_signal import (
     came_back_and_shifts,
     deviation_about,
     follow_agreement,
+    follow_drift,
     forgive,
     has_not_jumped_back,
     has_stopped,
@@ -100,6 +101,7 @@ def _rebase_where_undone(radar, settings, signal, measured, of_clearance, repeat
     with what is left of that; whether the fault is over with it. `step`: since the scan before,
     beyond the lead's own motion."""
     track = radar.track
+    follow_drift(signal, measured.at, settings.requalify_time)
     disagrees = not signal.agreeing and not still_shows(signal)
     shifted = of_clearance and is_bad(signal) and abs(signal.residual) <= settings.largest_shift
     if disagrees and (signal.lost or (shows_itself(signal) and shifted)):
@@ -116,7 +118,7 @@ def _rebase_where_undone(radar, settings, signal, measured, of_clearance, repeat
                 believe(track, rise / radar.period + radar.host, SAID_STD)
         elif of_clearance and came_back_and_shifts(signal, step, settings.largest_shift):
             rebase(track, signal, measured.value, of_clearance)
-        elif has_stopped(signal, measured.at, settings.requalify_time):
+        elif has_stopped(signal, settings.requalify_time):
             rebase(track, signal, measured.value, of_clearance)
             return True
     return False

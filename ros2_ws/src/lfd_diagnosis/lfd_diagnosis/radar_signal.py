@@ -464,10 +464,10 @@ def returned_to(signal, said, repeated):
 
 
 @inner
-def has_stopped(signal, time, duration):
-    """Whether a drift has not gone on for `duration`: nothing contradicts anything now."""
+def follow_drift(signal, time, duration):
+    """Keep where a drift was, at a time in s, over the last `duration` s."""
     if signal.kind != Kind.RAMP:
-        return False
+        return
     history, first, count = signal.history, signal.history_first, signal.history_count
     newest = (first + count - 1) % HISTORY
     if not count or time - history[newest, 0] >= 2.0 * duration / HISTORY:
@@ -477,6 +477,15 @@ def has_stopped(signal, time, duration):
     while history[newest, 0] - history[first, 0] > duration:
         first, count = (first + 1) % HISTORY, count - 1
     signal.history_first, signal.history_count = first, count
+
+
+@inner
+def has_stopped(signal, duration):
+    """Whether a drift has not gone on for `duration` s: nothing contradicts anything now."""
+    history, first, count = signal.history, signal.history_first, signal.history_count
+    newest = (first + count - 1) % HISTORY
+    if signal.kind != Kind.RAMP or not count:
+        return False
     if history[newest, 0] - history[first, 0] <= MOST_OF * duration:
         return False
     lowest, highest = np.inf, -np.inf
