@@ -34,7 +34,10 @@ setup(
     zip_safe=True,
     maintainer="The lfd developers",
     maintainer_email="lfd@example.com",
-    description="Drives in and out: player, importers, faults, evaluation, reports.",
+    description=(
+        "Drives in and out: bag player, importers, fault injection, generated drives, "
+        "offline evaluation and reports."
+    ),
     license="Apache-2.0",
     entry_points={
         "console_scripts": [f"{name} = lfd_replay.executables:{name}" for name in EXECUTABLES]

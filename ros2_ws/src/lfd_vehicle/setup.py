@@ -15,7 +15,10 @@ setup(
     zip_safe=True,
     maintainer="The lfd developers",
     maintainer_email="lfd@example.com",
-    description="The closed loop: a full vehicle model behind a lead, and its sensors.",
+    description=(
+        "The closed loop: a full vehicle model behind a lead, its sensors, "
+        "and what becomes of a fault."
+    ),
     license="Apache-2.0",
     entry_points={
         "console_scripts": [f"{name} = lfd_vehicle.executables:{name}" for name in EXECUTABLES]
