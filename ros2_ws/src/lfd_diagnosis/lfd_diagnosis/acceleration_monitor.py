@@ -38,7 +38,7 @@ from lfd_diagnosis.acceleration_state import (
     swings_over_bumps,
 )
 from lfd_diagnosis.confidence import counted
-from lfd_diagnosis.evidence import Ground, give_ground, is_exceeded, is_gauged
+from lfd_diagnosis.evidence import Ground, give_ground, is_exceeded, is_gauged, repeats
 from lfd_diagnosis.healthy_signal import (
     POSSIBLE_JERK,
     SAME_STAMP,
@@ -332,7 +332,9 @@ def judge_acceleration(
         run = monitor.repetition.run + 1
         _convict(monitor, settings, kind, Ground.REPETITION, run, 0.0)
     elif monitor.faulty:
-        still = settings.check_repetition and is_frozen(monitor.repetition, True)
+        # What was held is, whatever told of it, until it changes.
+        held = repeats(monitor.kind) and monitor.repetition.run >= monitor.repetition.least
+        still = settings.check_repetition and (held or is_frozen(monitor.repetition, True))
         _requalify(monitor, settings, exceeded or still or frozen or rough)
     elif rough:
         share = rough_share(monitor.roughness)

@@ -72,8 +72,9 @@ SWINGS = 0.1
 COARSE = 0.15
 """m/s of resolution beyond which the derivative goes up and down as on a road that bends."""
 
-POSSIBLE_ACCELERATION = 15.0
-"""m/s^2 that a car may reach, a crash apart."""
+POSSIBLE_ACCELERATION, GROWS = 10.0, 1.5
+"""m/s^2 by which a car may leave what its accelerometer feels, and how many times farther off than
+the sample before one is that does."""
 
 BENDS = 2.0
 """How much more a speed may bend than what is felt, filtered, says."""
@@ -123,6 +124,7 @@ HOST_SPEED = np.dtype(
         ("refresh", "f8"),
         ("doubt", "f8"),
         ("doubted_at", "f8"),
+        ("possible", "f8"),
         ("outliers", "i8"),
         ("rough_for", "f8"),
         ("same", "i8"),
@@ -145,10 +147,10 @@ HOST_SPEED = np.dtype(
 
 `same`: samples in a row that are equal, those of a car that seems to stand, too; `felt` (m/s^2):
 how the host accelerated at the newest one. `doubt` (m/s) is what the newest one, seen at `seen_at`,
-jumps by, NaN if it does not or is not in doubt any more; the first one that was is of `doubted_at`
-(where none is, the newest one); `last` is of `last_at`, before them. `refresh` (s): how long the
-sensor, or a table it was put into, says each value again and again; it changed at `changed_at`.
-`slipped`: steps since the wheels slipped last.
+jumps by, NaN if it does not or is not in doubt any more, `possible` (m/s) how far a car may jump;
+the first one that was in doubt is of `doubted_at` (where none is, the newest one); `last` is of
+`last_at`, before them. `refresh` (s): how long the sensor, or a table it was put into, says each
+value again and again; it changed at `changed_at`. `slipped`: steps since the wheels slipped last.
 """
 
 
@@ -383,15 +385,15 @@ def _says_again(speed, at, value):
 def _is_doubtful(speed, at, value, acceleration):
     """Whether a sample jumps alone so far: the next one tells whether it was an outlier; those of a
     wheel that was shaken just now may swing for a moment."""
-    if speed.faulty:
-        speed.doubted_at = at
-        return False
-    begins = isnan(speed.doubt)
+    begins = speed.faulty or isnan(speed.doubt)
     if begins:
-        speed.doubted_at = at
+        speed.doubted_at, speed.doubt = at, np.nan
     period = min(at - speed.last_at, 1.0)
     jump = _jump(speed, value, period, acceleration)
-    jumps = abs(jump) > _possible_jump(speed, period)
+    speed.possible = _possible_jump(speed, period, jump)
+    if speed.faulty:
+        return False
+    jumps = abs(jump) > speed.possible
     jumps = jumps and not (_rests_with_a_jerk(speed, value) or _starts_or_stops(speed, value))
     speed.outliers += not (jumps or begins)
     swings = not is_road_calm(speed) and at - speed.doubted_at < SWINGS
@@ -406,10 +408,13 @@ def _jump(speed, value, period, acceleration):
 
 
 @inner
-def _possible_jump(speed, period):
-    """Of a sample so far (s) from the last one that was taken; while several jump, of the second
-    one: later ones must not be farther off."""
-    period = min(period, 2.0 * (speed.doubted_at - speed.last_at))
+def _possible_jump(speed, period, jump):
+    """Of a sample so far (s) from the last one that was taken, which jumps by so much (m/s); while
+    several do, of the second one: later ones must not be farther off. And of the first one where it
+    goes on from that: a car that brakes as hard goes on to do so."""
+    first = speed.doubted_at - speed.last_at
+    goes_on = speed.doubt * jump > 0.0 and abs(jump) < GROWS * abs(speed.doubt)
+    period = min(period, first if goes_on else 2.0 * first)
     return max(JUMP, JUMP_SIGMA * deviation(speed.noise)) + POSSIBLE_ACCELERATION * period
 
 
@@ -496,7 +501,7 @@ def _learn_refresh(speed, at, value):
 
 @inner
 def _check_jump(speed, value, period, acceleration, was_held):
-    jump, limit = _jump(speed, value, period, acceleration), _possible_jump(speed, period)
+    jump, limit = _jump(speed, value, period, acceleration), speed.possible
     if abs(jump) <= limit:
         if not speed.faulty:
             learn_noise(speed.noise, jump, 0.0)

@@ -58,6 +58,7 @@ from lfd_diagnosis.radar_signal import (
     learn_swing,
     least_limit,
     may_be_outliers,
+    move_reference,
 )
 from lfd_diagnosis.radar_state import (
     SLOW,
@@ -422,7 +423,10 @@ def _judge(radar, settings, repeated):
         correct_clearance(track, clearance.residual, variance)
     if has_velocity and good_velocity:
         then = velocity_then(track, age, track.acceleration - radar.host)
+        before = track.clearance
         correct_velocity(track, measured_velocity.value - then, velocity.noise.variance)
+        if clearance.faulty:
+            move_reference(clearance, track.clearance - before)
     if has_clearance and good_clearance and not is_radar_faulty(radar):
         beside = measured_clearance.value - clearance_then(track, age, relative)
         clearance.bias += (beside - clearance.bias) / BIAS_SCANS
@@ -538,7 +542,9 @@ def _came_back_with_the_other(radar, signal, of_clearance):
     """Whether it jumped as the fault of the other signal ended: that of a radar, whose beginning
     nobody saw in this one."""
     other = radar.velocity if of_clearance else radar.clearance
-    return other.faulty and signal.last_at - other.jumped_back_at <= SAME_SCAN * radar.period
+    # What is rough jumps all the time.
+    jumped = other.faulty and other.kind == Kind.OFFSET
+    return jumped and signal.last_at - other.jumped_back_at <= SAME_SCAN * radar.period
 
 
 @inner

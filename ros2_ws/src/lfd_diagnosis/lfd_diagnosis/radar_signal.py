@@ -268,8 +268,10 @@ def is_held(signal):
 @inner
 def shows_itself(signal):
     """Whether its fault was told by what the signal does, not by where it lies."""
-    ground = signal.because.ground
-    return ground in (Ground.REPETITION, Ground.ROUGHNESS) or signal.kind == Kind.ZERO
+    ground, kind = signal.because.ground, signal.kind
+    # A noise may have been told by where it lay first; what jumped once and repeats itself may
+    # still be off when it does not.
+    return ground in (Ground.REPETITION, Ground.ROUGHNESS) or kind in (Kind.ZERO, Kind.NOISE)
 
 
 @inner
@@ -477,6 +479,14 @@ def follow_drift(signal, time, duration):
     while history[newest, 0] - history[first, 0] > duration:
         first, count = (first + 1) % HISTORY, count - 1
     signal.history_first, signal.history_count = first, count
+
+
+@inner
+def move_reference(signal, by):
+    """What a faulty signal is held against was found elsewhere: that is no jump of its own."""
+    for values in (signal.recent.values, signal.said.values):
+        for i in range(len(values)):
+            values[i] -= by
 
 
 @inner
