@@ -7,7 +7,6 @@ rows into words.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,39 +67,31 @@ def _fill(row, mpc, said):
         row.restart_tracks[k] = mpc.inputs.restart_tracks[k]
 
 
+ROBUST_PARTS = 3
+"""State, settings and outcome; the paper's diagnosis has arrays, too, and so is told apart."""
+
+
 @entry
-def _run_robust(samples, sample, rows, solved, control, bank, diagnosis):
+def _run(samples, sample, rows, solved, control, bank, diagnosis):
     """Fill `rows` from `sample` on; returns the next sample, how many rows are filled, and what
     stopped it: `DONE` where the rows are full, `NO_STEP` where no sample is left, `UNSOLVED` where
     the next step wants another solver; it is `solved` when this is called again.
     """
     mpc, states = control[2][0], control[5]
-    state, settings, said = diagnosis[0][0], diagnosis[1][0], diagnosis[2][0]
     bank_state, arrays, answer = bank[0][0], bank[1], bank[2]
+    state, said = diagnosis[0][0], diagnosis[-1][0]
     for k in range(len(rows)):
         sample, progress = _next_horizon(samples, sample, solved, control)
         solved = False
         if progress != Progress.DONE:
             return sample, k, progress
         bank_step(bank_state, arrays, mpc.horizon, states, answer)
-        robust_step(state, settings, mpc.horizon, answer.values[0, 0], said)
-        _fill(rows[k], mpc, said)
-    return sample, len(rows), Progress.DONE
-
-
-@entry
-def _run_paper(samples, sample, rows, solved, control, bank, diagnosis):
-    """The same with the paper's diagnosis."""
-    mpc, states = control[2][0], control[5]
-    state, limits, settings, said = diagnosis[0][0], diagnosis[1], diagnosis[2][0], diagnosis[3][0]
-    bank_state, arrays, answer = bank[0][0], bank[1], bank[2]
-    for k in range(len(rows)):
-        sample, progress = _next_horizon(samples, sample, solved, control)
-        solved = False
-        if progress != Progress.DONE:
-            return sample, k, progress
-        bank_step(bank_state, arrays, mpc.horizon, states, answer)
-        paper_step(state, limits, settings, mpc.horizon, states, True, bank_state, answer, said)
+        # A tuple's length is known when this is compiled: the other branch is left out.
+        if len(diagnosis) == ROBUST_PARTS:
+            robust_step(state, diagnosis[1][0], mpc.horizon, answer.values[0, 0], said)
+        else:
+            limits, settings = diagnosis[1], diagnosis[2][0]
+            paper_step(state, limits, settings, mpc.horizon, states, True, bank_state, answer, said)
         _fill(rows[k], mpc, said)
     return sample, len(rows), Progress.DONE
 
@@ -151,15 +142,13 @@ class OfflineGraph:
         control = mpc.sampler.state, mpc.controller.model, mpc.state, f, plan, states
         of_bank = bank.state, bank.arrays, bank.new_answer()
         if isinstance(diagnosis, RobustDiagnosis):
-            run: Any = _run_robust
             own: tuple = diagnosis.state, diagnosis.numbers, diagnosis.outcome
         else:
-            run = _run_paper
             own = diagnosis.state, diagnosis.arrays, diagnosis.numbers, diagnosis.outcome
         kind = row_kind(diagnosis.outcome_kind)
         rows, filled, sample, solved = np.empty(CHUNK, kind), 0, 0, False
         while True:
-            sample, count, progress = run(
+            sample, count, progress = _run(
                 sampled, sample, rows[filled:], solved, control, of_bank, own
             )
             filled += count
