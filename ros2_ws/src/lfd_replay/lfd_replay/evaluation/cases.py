@@ -34,11 +34,11 @@ COMBINATIONS = {
 }
 """Faulty signals of each row of Table 3."""
 
-SCAN = 0.05
-"""Scan period of the radar in s, over which the starts of faults are spread."""
+SCAN_S = 0.05
+"""Scan period of the radar, over which the starts of faults are spread."""
 
-BLAME = 3.0
-"""Seconds after a fault in which a flag on a healthy signal is blamed on it."""
+BLAMED_FOR_S = 3.0
+"""Time after a fault in which a flag on a healthy signal is blamed on it."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def score_case(case: Case, phase: float, settings: GraphSettings, recorded: Path
 
 def phases(count: int) -> list[float]:
     """Starts spread over the radar's scan, the paper's own first, in s after it."""
-    return [SCAN * k / count for k in range(count)]
+    return [SCAN_S * k / count for k in range(count)]
 
 
 def summarise_phases(case: Case, scored: list[dict]) -> dict:
@@ -152,7 +152,7 @@ def summarise_phases(case: Case, scored: list[dict]) -> dict:
         fractions = [f["flagged_fraction"] for f in figures if f["flagged_fraction"] is not None]
         healthy = name not in injected and not (name == "radar" and "clearance" in injected)
         blamed = [
-            max(0.0, min(end, case.end + BLAME) - max(begin, case.start))
+            max(0.0, min(end, case.end + BLAMED_FOR_S) - max(begin, case.start))
             for f in figures
             for begin, end in f["flagged"]
         ]

@@ -4,7 +4,7 @@ from dataclasses import asdict
 
 from lfd_diagnosis.verdict import SIGNALS
 from lfd_replay.evaluation.campaign import Evaluation
-from lfd_replay.evaluation.cases import RECORDED
+from lfd_replay.evaluation.cases import RECORDED, SCAN_S
 from lfd_replay.evaluation.comparison import AS_PUBLISHED
 from lfd_replay.evaluation.detectors import PUBLISHED, ROBUST, ROBUST_SET
 from lfd_replay.evaluation.normal_driving import IndexStatistics
@@ -306,10 +306,6 @@ def equal_rows(rows_of_cells: list[dict]) -> Rows:
                 )
             )
     return table
-
-
-SCAN_S = 0.05
-"""One scan of the radar, in s: the margin of a median delay."""
 
 
 def worse_in(robust: dict, other: dict) -> str:

@@ -5,12 +5,12 @@ from zlib import crc32
 
 import numpy as np
 
-from lfd_replay.evaluation.cases import RECORDED, RECORDED_RADAR_FIRST, SCAN
-from lfd_replay.evaluation.fault_windows import PAPER, PAUSE, WARM_UP
+from lfd_replay.evaluation.cases import BLAMED_FOR_S, RECORDED, RECORDED_RADAR_FIRST, phases
+from lfd_replay.evaluation.fault_windows import LENGTH, PAPER, PAUSE, WARM_UP
 from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS
 from lfd_replay.evaluation.recorded_tracks import BACKWARD, COUNT, TRACK
 from lfd_replay.evaluation.recorded_views import PHONES, VIEWS
-from lfd_replay.evaluation.requirements.windows import AFTER, NEAREST, Run
+from lfd_replay.evaluation.requirements.windows import NEAREST, Run
 from lfd_replay.generated.lead_profiles import NORMAL, TRAFFIC, lead_profile
 
 COMBINATIONS = {
@@ -30,8 +30,8 @@ OFFSETS = {
 RAMPS = {"clearance": 0.5, "relative_velocity": 0.5, "acceleration": 0.5}
 """Ramps in m/s, m/s^2 and m/s^3."""
 
-LENGTH, RAMP_LENGTH, LONG_LENGTH = 4.0, 8.0, 8.0
-"""Seconds of each fault, of a ramp, and of one that nothing but coasting tells to its end."""
+RAMP_LENGTH, LONG_LENGTH = 8.0, 8.0
+"""Seconds of a ramp, and of a fault that nothing but coasting tells to its end."""
 
 NOISE = {"clearance": 0.056, "relative_velocity": 0.023, "acceleration": 0.31}
 """Noise of the generated sensors in m, m/s and m/s^2, with the acceleration's slow deviation."""
@@ -126,7 +126,7 @@ def table_3(extent: Extent, values: tuple, recorded: bool) -> list[Run]:
     return [
         Run(drive, 1, (f"offset:{given}@{start + phase:.4f}-{start + phase + 15.0:.4f}",))
         for drive, start in first.items()
-        for phase in [SCAN * k / extent.starts for k in range(extent.starts)]
+        for phase in phases(extent.starts)
     ]
 
 
@@ -242,7 +242,7 @@ def real(
             for view, begin in (("", first), (BACKWARD, 0.0)):
                 texts: list[str] = []
                 start = begin + WARM_UP + shift
-                while start + length + AFTER < begin + last - first:
+                while start + length + BLAMED_FOR_S < begin + last - first:
                     texts.append(
                         _fault_text(kind, values, signed and len(texts) % 2 == 1, start, length)
                     )

@@ -19,7 +19,7 @@ from lfd_mpc.samples import (
 )
 from lfd_mpc.settings import STEP_S
 from lfd_replay.drive import Drive
-from lfd_replay.evaluation.cases import RECORDED, load_drive
+from lfd_replay.evaluation.cases import BLAMED_FOR_S, RECORDED, load_drive
 from lfd_replay.evaluation.mishaps import MISHAPS
 from lfd_replay.evaluation.random_sensors import RANDOM_SENSORS, random_sensors_drive
 from lfd_replay.evaluation.recorded_noise import FARTHER_OFF, recorded_sensors_drive
@@ -59,9 +59,6 @@ LOST_FOR = 0.5
 
 CLEAR_FOR = 1.0
 """Seconds for which a signal must stay unflagged before its fault counts as over."""
-
-AFTER = 3.0
-"""Seconds after a window in which a flag on a healthy signal counts as its blame."""
 
 CRAWL = 2.0
 """m/s below which a car stands or crawls: wheels and accelerometers repeat themselves then."""
@@ -136,7 +133,7 @@ def _with_mishaps(run: Run, samples: Sequence[Sample]) -> Sequence[Sample]:
     return MISHAPS[run.mishap](samples, generator)
 
 
-def _lead_says(run: Run, drive: Drive) -> list[Sample]:
+def _lead_says(run: Run) -> list[Sample]:
     """What the lead says of its acceleration."""
     if run.lead == "nothing":
         return []
@@ -197,7 +194,7 @@ def look(run: Run, recorded: Path | None) -> tuple[dict[str, Seen], Array, Array
     zero = drive.zero
     samples = _with_mishaps(run, drive.samples)
     samples = [s for s in samples if run.host_speed or s.input != HOST_SPEED]
-    samples = sorted([*samples, *_lead_says(run, drive)], key=lambda s: s.stamp)
+    samples = sorted([*samples, *_lead_says(run)], key=lambda s: s.stamp)
     faults = parse_faults(run.faults)
     faulty = FaultInjector(faults, zero, run.seed).apply(samples) if faults else samples
     seen = {}
@@ -343,8 +340,8 @@ def made_of(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
             **_error(error[:, WATCHED.index(name)], times, start, inside, at),
             "drives": [bool(part[-1]) for part in _tenths(drives, inside)],
         }
-    watched = (times >= start) & (times < end + AFTER)
-    around = (times >= start - AFTER) & (times < end + AFTER)
+    watched = (times >= start) & (times < end + BLAMED_FOR_S)
+    around = (times >= start - BLAMED_FOR_S) & (times < end + BLAMED_FOR_S)
     return {
         "signals": signals,
         "one_target": _is_one(times[around], view.targets[around], np.isnan(healthy[around, 0])),
