@@ -28,6 +28,10 @@ class Task:
     arguments: tuple = field(default=())
 
 
+RunAll = Callable[[list[Task]], dict[str, Any]]
+"""Runs tasks; gives their results by key, in the order of the tasks."""
+
+
 def fingerprint(recorded: Path | None = None) -> str:
     """A checksum of the code, and of the folder of recorded drives, that results come from."""
     digest = hashlib.sha256()

@@ -1,25 +1,55 @@
 """Which faults are injected where: cells of equal faults, spread over normal drives."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from zlib import crc32
 
 import numpy as np
 
-from lfd_replay.faults import Fault, parse_fault
+from lfd_replay.faults import Fault, parse_faults
 
 WARM_UP, LENGTH, PAUSE = 8.0, 4.0, 5.0
 """Seconds before the first fault, of each fault, and at least between two of them."""
 
+Values = tuple[tuple[str, float | None], ...]
+"""Faulty signals with their values in the unit of the kind; None where it has none."""
+
+
+def fault_starts(key: str, seed: int, duration: float, length: float = LENGTH) -> list[float]:
+    """Starts in s of faults of `length` s over a drive of `duration` s, one after the other.
+
+    They are spread over the radar's scan phase, the same for the same key and seed.
+    """
+    generator = np.random.default_rng([seed, crc32(key.encode())])
+    starts = []
+    start = WARM_UP + generator.uniform(0.0, 1.0)
+    while start + length + PAUSE < duration:
+        starts.append(start)
+        start += length + PAUSE + generator.uniform(0.0, 1.0)
+    return starts
+
+
+def fault_texts(
+    kind: str, values: Values, signed: bool, starts: Sequence[float], length: float = LENGTH
+) -> list[str]:
+    """Faults as the command line takes them; `signed`: every other one has the opposite sign."""
+    texts = []
+    for number, start in enumerate(starts):
+        sign = -1.0 if signed and number % 2 else 1.0
+        given = ",".join(s if v is None else f"{s}={sign * v:g}" for s, v in values)
+        texts.append(f"{kind}:{given}@{start:.4f}-{start + length:.4f}")
+    return texts
+
 
 @dataclass(frozen=True)
 class Cell:
-    """One fault: its kind and its values by signal, in the unit of the kind; None = no value.
+    """One fault: its kind and its values by signal.
 
     `signed`: every other window has the opposite sign.
     """
 
     kind: str
-    values: tuple[tuple[str, float | None], ...]
+    values: Values
     signed: bool = False
 
     @property
@@ -41,15 +71,8 @@ class Cell:
 
     def faults(self, drive: str, seed: int, duration: float) -> list[Fault]:
         """Faults over a drive of `duration` s, at times spread over the radar's scan phase."""
-        generator = np.random.default_rng([seed, crc32(f"{drive}/{self.key}".encode())])
-        faults = []
-        start = WARM_UP + generator.uniform(0.0, 1.0)
-        while start + LENGTH + PAUSE < duration:
-            sign = -1.0 if self.signed and len(faults) % 2 else 1.0
-            values = ",".join(s if v is None else f"{s}={sign * v:g}" for s, v in self.values)
-            faults.append(parse_fault(f"{self.kind}:{values}@{start:.4f}-{start + LENGTH:.4f}"))
-            start += LENGTH + PAUSE + generator.uniform(0.0, 1.0)
-        return faults
+        starts = fault_starts(f"{drive}/{self.key}", seed, duration)
+        return parse_faults(fault_texts(self.kind, self.values, self.signed, starts))
 
 
 PAPER = (("clearance", 4.0), ("relative_velocity", -10.0), ("acceleration", 4.0))

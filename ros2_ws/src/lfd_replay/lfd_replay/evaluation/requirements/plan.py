@@ -1,12 +1,17 @@
 """Which drives and faults the requirements are measured on."""
 
 from dataclasses import dataclass, replace
-from zlib import crc32
-
-import numpy as np
 
 from lfd_replay.evaluation.cases import BLAMED_FOR_S, RECORDED, RECORDED_RADAR_FIRST, phases
-from lfd_replay.evaluation.fault_windows import LENGTH, PAPER, PAUSE, WARM_UP
+from lfd_replay.evaluation.fault_windows import (
+    LENGTH,
+    PAPER,
+    PAUSE,
+    WARM_UP,
+    Values,
+    fault_starts,
+    fault_texts,
+)
 from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS
 from lfd_replay.evaluation.recorded_tracks import BACKWARD, COUNT, TRACK
 from lfd_replay.evaluation.recorded_views import PHONES, VIEWS
@@ -67,75 +72,48 @@ def full_extent() -> Extent:
     return Extent(NORMAL, (1, 3), NORMAL[::5], 10, (1, 3, 5), True)
 
 
-def fault_texts(
-    kind: str,
-    values: tuple[tuple[str, float | None], ...],
-    drive: str,
-    seed: int,
-    length: float = LENGTH,
-    signed: bool = True,
-) -> tuple[str, ...]:
-    """One fault after the other, at times spread over the scan phase; every other one negative."""
-    key = f"{drive}/{kind}/{values}"
-    generator = np.random.default_rng([seed, crc32(key.encode())])
-    duration = lead_profile(drive).duration
-    texts: list[str] = []
-    start = WARM_UP + generator.uniform(0.0, 1.0)
-    while start + length + PAUSE < duration:
-        texts.append(_fault_text(kind, values, signed and len(texts) % 2 == 1, start, length))
-        start += length + PAUSE + generator.uniform(0.0, 1.0)
-    return tuple(texts)
-
-
-def _fault_text(
-    kind: str,
-    values: tuple[tuple[str, float | None], ...],
-    negative: bool,
-    start: float,
-    length: float,
-) -> str:
-    """One fault of signals and their values; None where such a fault has none."""
-    sign = -1.0 if negative else 1.0
-    given = ",".join(s if v is None else f"{s}={sign * v:g}" for s, v in values)
-    return f"{kind}:{given}@{start:.4f}-{start + length:.4f}"
-
-
 def spread(
     kind: str,
-    values: tuple[tuple[str, float | None], ...],
+    values: Values,
     drives: tuple[str, ...],
     seeds: tuple[int, ...],
     length: float = LENGTH,
     signed: bool = True,
     **more,
 ) -> list[Run]:
-    """Runs of one fault over normal drives."""
-    return [
-        Run(drive, seed, fault_texts(kind, values, drive, seed, length, signed), **more)
-        for drive in drives
-        for seed in seeds
-    ]
+    """Runs of one fault over normal drives; `signed`: every other one has the opposite sign."""
+    runs = []
+    for drive in drives:
+        for seed in seeds:
+            key = f"{drive}/{kind}/{values}"
+            starts = fault_starts(key, seed, lead_profile(drive).duration, length)
+            texts = fault_texts(kind, values, signed, starts, length)
+            runs.append(Run(drive, seed, tuple(texts), **more))
+    return runs
 
 
-def table_3(extent: Extent, values: tuple, recorded: bool) -> list[Run]:
+def table_3(extent: Extent, values: Values, recorded: bool) -> list[Run]:
     """One of Table 3's faults on its drives, starts spread over the scan phase."""
-    given = ",".join(f"{signal}={value:g}" for signal, value in values)
     first = {"data-1": 40.0, "data-2": 40.0, "data-3": 40.0}
     if recorded:
         first[RECORDED] = RECORDED_RADAR_FIRST + 20.0
     return [
-        Run(drive, 1, (f"offset:{given}@{start + phase:.4f}-{start + phase + 15.0:.4f}",))
+        Run(drive, 1, tuple(fault_texts("offset", values, False, [start + phase], 15.0)))
         for drive, start in first.items()
         for phase in phases(extent.starts)
+    ]
+
+
+def _braking(extent: Extent) -> list[Run]:
+    return [
+        Run("braking", seed, peak=peak) for seed in extent.healthy_seeds for peak in BRAKING_PEAKS
     ]
 
 
 def healthy(extent: Extent, recorded: bool) -> list[Run]:
     """Drives on which nothing is to be found."""
     runs = [Run(name, seed) for seed in extent.healthy_seeds for name in (*extent.normal, *SPECIAL)]
-    runs += [
-        Run("braking", seed, peak=peak) for seed in extent.healthy_seeds for peak in BRAKING_PEAKS
-    ]
+    runs += _braking(extent)
     if recorded:
         runs += [Run(RECORDED, 0), Run(NEAREST, 0)]
     return runs
@@ -147,22 +125,16 @@ def recorded_sensors_healthy(extent: Extent) -> list[Run]:
     return [replace(run, sensor=RECORDED_SENSORS) for run in runs]
 
 
-def in_traffic(
-    extent: Extent, sensor: str, host_speed: bool = True, drives: tuple[str, ...] = TRAFFIC
-) -> list[Run]:
+def in_traffic(extent: Extent, sensor: str, drives: tuple[str, ...] = TRAFFIC) -> list[Run]:
     """Traffic, or such `drives`, as such sensors see it."""
     names = drives[:: len(NORMAL) // len(extent.normal)]
-    return [
-        Run(name, seed, sensor=sensor, host_speed=host_speed)
-        for name in names
-        for seed in extent.healthy_seeds
-    ]
+    return [Run(name, seed, sensor=sensor) for name in names for seed in extent.healthy_seeds]
 
 
 def faults_in_traffic(
     extent: Extent,
     kind: str,
-    values: tuple,
+    values: Values,
     signed: bool,
     length: float = LENGTH,
     *,
@@ -175,12 +147,12 @@ def faults_in_traffic(
     return spread(kind, values, names, extent.seeds[:1], length, **given)
 
 
-def phones_in_traffic(extent: Extent, host_speed: bool) -> list[Run]:
+def phones_in_traffic(extent: Extent) -> list[Run]:
     """Traffic as the recorded sensors see it, what a phone feels in the accelerometer's place."""
-    return [run for view in PHONES for run in in_traffic(extent, view, host_speed)]
+    return [run for view in PHONES for run in in_traffic(extent, view)]
 
 
-def faults_by_phones_in_traffic(extent: Extent, values: tuple) -> list[Run]:
+def faults_by_phones_in_traffic(extent: Extent, values: Values) -> list[Run]:
     """Faults in such traffic."""
     return [
         run
@@ -189,7 +161,7 @@ def faults_by_phones_in_traffic(extent: Extent, values: tuple) -> list[Run]:
     ]
 
 
-def recorded_sensors(extent: Extent, values: tuple, signed: bool) -> list[Run]:
+def recorded_sensors(extent: Extent, values: Values, signed: bool) -> list[Run]:
     """Faults of normal drives as the recorded sensors see them."""
     given = {"signed": signed, "sensor": RECORDED_SENSORS}
     return spread("offset", values, extent.normal, extent.seeds, **given)
@@ -197,11 +169,7 @@ def recorded_sensors(extent: Extent, values: tuple, signed: bool) -> list[Run]:
 
 def braking_blind(extent: Extent) -> list[Run]:
     """Braking leads without the host's speed."""
-    return [
-        Run("braking", seed, peak=peak, host_speed=False)
-        for seed in extent.healthy_seeds
-        for peak in BRAKING_PEAKS
-    ]
+    return [replace(run, host_speed=False) for run in _braking(extent)]
 
 
 def other_sensors_healthy(extent: Extent, sensor: str) -> list[Run]:
@@ -210,14 +178,20 @@ def other_sensors_healthy(extent: Extent, sensor: str) -> list[Run]:
     return [Run(name, seed, sensor=sensor) for name in names for seed in extent.healthy_seeds[:2]]
 
 
+def faults_of_other_sensors(extent: Extent, sensor: str, values: Values) -> list[Run]:
+    """Faults of few normal drives as other sensors see them."""
+    given = {"signed": False, "sensor": sensor}
+    return spread("offset", values, extent.few, extent.seeds[:1], **given)
+
+
 NEAREST_FAULTS = (14.0, 22.0, 30.0, 38.0, 46.0)
 """Starts of faults in the recorded drive's nearest target in s, each 5 s long."""
 
 
-def nearest(values: tuple) -> list[Run]:
+def nearest(values: Values) -> list[Run]:
     """Table 3's faults where the radar's ids change all the time."""
-    given = ",".join(f"{signal}={value:g}" for signal, value in values)
-    return [Run(NEAREST, 0, (f"offset:{given}@{t}-{t + 5.0}",)) for t in NEAREST_FAULTS]
+    texts = fault_texts("offset", values, False, NEAREST_FAULTS, 5.0)
+    return [Run(NEAREST, 0, (text,)) for text in texts]
 
 
 REAL = {
@@ -231,7 +205,7 @@ SHIFTS = (0.0, 3.0, 6.0)
 
 
 def real(
-    extent: Extent, kind: str, values: tuple, signed: bool, length: float = LENGTH
+    extent: Extent, kind: str, values: Values, signed: bool, length: float = LENGTH
 ) -> list[Run]:
     """Faults all along every recorded lead, forward and backward."""
     runs = []
@@ -240,29 +214,24 @@ def real(
     for drive, (first, last) in REAL.items():
         for shift in SHIFTS[:shifts]:
             for view, begin in (("", first), (BACKWARD, 0.0)):
-                texts: list[str] = []
+                starts = []
                 start = begin + WARM_UP + shift
                 while start + length + BLAMED_FOR_S < begin + last - first:
-                    texts.append(
-                        _fault_text(kind, values, signed and len(texts) % 2 == 1, start, length)
-                    )
+                    starts.append(start)
                     start += length + PAUSE
-                if texts:
+                if starts:
+                    texts = fault_texts(kind, values, signed, starts, length)
                     runs.append(Run(f"{view}{drive}", 1, tuple(texts)))
     return runs
 
 
-def views(extent: Extent, host_speed: bool) -> list[Run]:
+def views(extent: Extent) -> list[Run]:
     """The recorded car behind all its leads, as if it had other sensors."""
     leads = (RECORDED, *(f"{TRACK}{k}" for k in range(COUNT)))
-    return [
-        Run(lead, 0, sensor=view, host_speed=host_speed)
-        for view in VIEWS
-        for lead in leads[:: 10 // extent.starts]
-    ]
+    return [Run(lead, 0, sensor=view) for view in VIEWS for lead in leads[:: 10 // extent.starts]]
 
 
-def faults_in_views(extent: Extent, values: tuple) -> list[Run]:
+def faults_in_views(extent: Extent, values: Values) -> list[Run]:
     """Faults all along those of its leads that last."""
     runs = as_driven(real(extent, "offset", values, signed=False))
     return [replace(run, sensor=view) for view in VIEWS for run in runs]

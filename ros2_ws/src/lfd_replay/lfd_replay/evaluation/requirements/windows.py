@@ -18,6 +18,7 @@ from lfd_mpc.samples import (
     ScalarSample,
 )
 from lfd_mpc.settings import STEP_S
+from lfd_observer.settings import BankSettings
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.cases import BLAMED_FOR_S, RECORDED, load_drive
 from lfd_replay.evaluation.mishaps import MISHAPS
@@ -71,9 +72,9 @@ LEAD_PERIOD, LEAD_DELAY, LEAD_NOISE = 0.1, 0.1, 0.2
 class Run:
     """One drive with faults: which drive, which sensors, which inputs, which profiles.
 
-    `faults`: texts. `changes`: settings of the diagnosis that differ from the robust profile's,
-    by name; with any, the paper profile is left out. `lead`: what the lead says: nothing, the
-    truth, or a lie from 20 s on. `mishap`: what happens to the sensors, of `MISHAPS`.
+    `faults`: texts. `changes`: settings of the bank and the diagnosis, by name, that differ from
+    those of its `profiles`. `lead`: what the lead says: nothing, the truth, or a lie from 20 s on.
+    `mishap`: what happens to the sensors, of `MISHAPS`.
     """
 
     drive: str
@@ -85,6 +86,7 @@ class Run:
     lead: str = "nothing"
     changes: tuple[tuple[str, object], ...] = ()
     mishap: str = ""
+    profiles: tuple[str, ...] = tuple(PROFILES)
 
     @property
     def key(self) -> str:
@@ -151,19 +153,16 @@ def _lead_says(run: Run) -> list[Sample]:
 
 
 def settings_of(run: Run) -> dict[str, GraphSettings]:
-    """Settings of the profiles that a run goes through."""
-    if not run.changes:
-        return {name: graph_settings(name) for name in PROFILES}
-    robust = graph_settings("robust")
-    changes = dict(run.changes)
-    bank = {k: v for k, v in changes.items() if k in type(robust.bank).model_fields}
-    diagnosis = {k: v for k, v in changes.items() if k not in bank}
+    """Settings of the profiles that a run goes through, with its changes, by profile."""
+    bank = {k: v for k, v in run.changes if k in BankSettings.model_fields}
+    diagnosis = {k: v for k, v in run.changes if k not in bank}
     return {
-        "robust": GraphSettings(
-            robust.mpc,
-            robust.bank.model_copy(update=bank),
-            robust.diagnosis.model_copy(update=diagnosis),
+        name: replace(
+            settings,
+            bank=settings.bank.model_copy(update=bank),
+            diagnosis=settings.diagnosis.model_copy(update=diagnosis),
         )
+        for name, settings in ((name, graph_settings(name)) for name in run.profiles)
     }
 
 
@@ -189,7 +188,7 @@ class Seen:
 
 
 def look(run: Run, recorded: Path | None) -> tuple[dict[str, Seen], Array, Array, list[Fault]]:
-    """Both profiles' view, the signals as faulty and as healthy (n, 4), and the faults."""
+    """Each profile's view, the signals as faulty and as healthy (n, 4), and the faults."""
     drive = load(run, recorded)
     zero = drive.zero
     samples = _with_mishaps(run, drive.samples)
