@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,7 +43,7 @@ from lfd_replay.evaluation.requirements.plan import Extent, full_extent, plain_e
 from lfd_replay.evaluation.trace import load_trace
 from lfd_replay.evaluation.variants import LINEAR, SINGLE, variants
 from lfd_replay.generated.lead_profiles import NORMAL
-from lfd_replay.journal import Journal, Task, run_tasks
+from lfd_replay.journal import Journal, RunAll, Task, run_tasks
 from lfd_replay.profiles import GraphSettings
 
 FALSE_EVENTS_PER_HOUR = 1.0
@@ -132,132 +132,187 @@ def evaluate_paper(
     pool: Executor,
     done: Callable[[], None],
 ) -> Evaluation:
-    """Run everything that `work`, the folder of earlier results, does not hold yet."""
+    """Run everything that `work`, the folder of earlier results, does not hold yet.
+
+    `done` is called after each task. Raises UserError where nothing can be written to `work`.
+    """
     journal = Journal(work / "journal.jsonl", recorded)
-    tag = _digest(settings.mpc.model_dump(), settings.bank.model_dump()) + _digest(
-        settings.diagnosis.model_dump()
-    )
 
     def run(tasks: list[Task]) -> dict[str, Any]:
         return run_tasks(tasks, journal, pool, done)
 
+    campaign = _Campaign(size, settings, recorded, run)
     # The cases first: they are what most people look for.
-    cases = table_3(recorded)
-    scored = run(
-        [
-            Task(f"case/{c.title}/{p}/{tag}", score_case, (c, p, settings, recorded))
-            for c in cases
-            for p in (phases(size.starts) if c.fault_texts(0.0) else [0.0])
-        ]
-    )
-    summarised = []
-    for case in cases:
-        own = [v for k, v in scored.items() if k.startswith(f"case/{case.title}/")]
-        summarised.append((case, own[0], summarise_phases(case, own)))
-
+    cases = campaign.cases()
     files = {
-        name: {v: work / "normal" / f"{name} {v} {tag}.npz" for v in variants(settings)}
+        name: {v: work / "normal" / f"{name} {v} {campaign.tag}.npz" for v in variants(settings)}
         for name in size.normal
     }
-    for name, own in files.items():
-        if not all(file.is_file() for file in own.values()):
-            journal.results.pop(f"normal/{name}/{tag}", None)
-    hours = run(
-        [
-            Task(f"normal/{name}/{tag}", record_normal, (name, settings, own))
-            for name, own in files.items()
-        ]
-    )
+    hours = campaign.record(files, journal)
     traces = {
         variant: [load_trace(own[variant]) for own in files.values()]
         for variant in variants(settings)
     }
     scales = normal_scales(traces[PUBLISHED], list(size.normal), settings)
     normal = {variant: index_statistics(own) for variant, own in traces.items()}
+    chosen = campaign.choose(scales, files, round(hours * FALSE_EVENTS_PER_HOUR))
+    plain_choice = _by_detector(chosen)
+    compared = campaign.compare(scales, plain_choice)
+    return Evaluation(
+        settings,
+        size,
+        cases,
+        normal,
+        chosen,
+        [row for cell, own in compared if cell is not None for row in detector_rows(cell, own)],
+        _confusion(compared),
+        campaign.on_tracks(scales, plain_choice),
+        measure(size.extent, recorded, run),
+    )
 
-    allowed = round(sum(hours.values()) * FALSE_EVENTS_PER_HOUR)
-    chosen = _choose(run, settings, scales, files, tag, allowed)
-    plain_choice: dict[str, dict[str, dict[str, float]]] = {}
-    for label, by_signal in chosen.items():
-        values = {signal: choice.setting for signal, choice in by_signal.items()}
-        plain_choice.setdefault(label.partition(", ")[0], {})[label] = values
-    judged = _digest(plain_choice, scales.__dict__) + tag
-    cells: list[Cell | None] = [None, *size.cells]
-    compared = run(
-        [
+
+PlainChoice = dict[str, dict[str, dict[str, float]]]
+"""By detector, under which name it is set to what for each signal."""
+
+
+class _Campaign:
+    """The tasks of an evaluation; each part has results that the next one needs."""
+
+    def __init__(
+        self, size: Size, settings: GraphSettings, recorded: Path | None, run: RunAll
+    ) -> None:
+        """`run` runs tasks, as far as their results are not there yet."""
+        self._size, self._settings, self._recorded, self._run = size, settings, recorded, run
+        self.tag = _digest(settings.mpc.model_dump(), settings.bank.model_dump()) + _digest(
+            settings.diagnosis.model_dump()
+        )
+
+    def cases(self) -> list[tuple[Case, dict, dict]]:
+        """Each case with the figures of its first start, and over all starts."""
+        starts = {
+            case: phases(self._size.starts) if case.fault_texts(0.0) else [0.0]
+            for case in table_3(self._recorded)
+        }
+        results = self._in_order(
+            Task(
+                f"case/{case.title}/{phase}/{self.tag}",
+                score_case,
+                (case, phase, self._settings, self._recorded),
+            )
+            for case, own in starts.items()
+            for phase in own
+        )
+        summarised = []
+        for case, own in starts.items():
+            scored = [next(results) for _ in own]
+            summarised.append((case, scored[0], summarise_phases(case, scored)))
+        return summarised
+
+    def record(self, files: dict[str, dict[str, Path]], journal: Journal) -> float:
+        """Keep the traces of all normal drives; returns their hours.
+
+        `files`: by drive and variant; a drive that lacks one of them is run again.
+        """
+        for name, own in files.items():
+            if not all(file.is_file() for file in own.values()):
+                journal.results.pop(f"normal/{name}/{self.tag}", None)
+        return sum(
+            self._in_order(
+                Task(f"normal/{name}/{self.tag}", record_normal, (name, self._settings, own))
+                for name, own in files.items()
+            )
+        )
+
+    def choose(
+        self, scales: NormalScales, files: dict[str, dict[str, Path]], allowed: int
+    ) -> dict[str, dict[str, Choice]]:
+        """Each detector's settings, from its false events on the normal drives in `files`."""
+        found = detectors(self._settings, scales)
+        learnt = _digest(scales.__dict__) + self.tag
+        most = max(allowed, *EQUAL_EVENTS)
+        results = self._in_order(
+            Task(
+                f"count/{detector.name}/{name}/{most}/{learnt}",
+                count_normal,
+                (number, own[detector.variant], self._settings, scales, most),
+            )
+            for number, detector in enumerate(found)
+            for name, own in files.items()
+        )
+        counts = [[next(results) for _ in files] for _ in found]
+        chosen = choose_settings(found, counts, allowed)
+        for events in EQUAL_EVENTS:
+            for name, choice in choose_settings(found, counts, events).items():
+                if name not in (SINGLE, LINEAR):
+                    chosen[at_equal(name, events)] = choice
+        return chosen
+
+    def compare(
+        self, scales: NormalScales, chosen: PlainChoice
+    ) -> list[tuple[Cell | None, list[dict]]]:
+        """What the detectors make of each cell, drive by drive; None: nothing is injected."""
+        size, judged = self._size, self._judged(scales, chosen)
+        cells: list[Cell | None] = [None, *size.cells]
+        results = self._in_order(
             Task(
                 f"cell/{cell.key if cell else 'nothing'}/{name}/{parts}/{judged}",
                 compare_on,
-                (cell, name, 1, settings, scales, plain_choice, parts),
+                (cell, name, 1, self._settings, scales, chosen, parts),
             )
             for cell in cells
             for parts in [size.with_variants(cell)]
             for name in size.drives_of(cell)
-        ]
-    )
-    results = iter(compared.values())
-    by_cell = [(cell, [next(results) for _ in size.drives_of(cell)]) for cell in cells]
-    rows = [row for cell, own in by_cell if cell is not None for row in detector_rows(cell, own)]
-    matrix = confusion(
+        )
+        return [(cell, [next(results) for _ in size.drives_of(cell)]) for cell in cells]
+
+    def on_tracks(self, scales: NormalScales, chosen: PlainChoice) -> dict[str, Counter[str]]:
+        """False events on the recorded radar's tracks, by detector and signal."""
+        counted: dict[str, Counter[str]] = {}
+        if self._recorded is None:
+            return counted
+        judged = self._judged(scales, chosen)
+        for found in self._in_order(
+            Task(
+                f"track/{number}/{judged}",
+                false_on_track,
+                (number, self._recorded, self._settings, scales, chosen),
+            )
+            for number in range(COUNT)
+        ):
+            for label, events in found.items():
+                counted.setdefault(label, Counter()).update(events)
+        return counted
+
+    def _judged(self, scales: NormalScales, chosen: PlainChoice) -> str:
+        """Stands for all that a comparison depends on."""
+        return _digest(chosen, scales.__dict__) + self.tag
+
+    def _in_order(self, tasks: Iterable[Task]) -> Iterator[Any]:
+        """The results of tasks, one after the other."""
+        return iter(self._run(list(tasks)).values())
+
+
+def _by_detector(chosen: dict[str, dict[str, Choice]]) -> PlainChoice:
+    """The settings alone of what was chosen; a name begins with its detector's."""
+    plain_choice: PlainChoice = {}
+    for label, by_signal in chosen.items():
+        values = {signal: choice.setting for signal, choice in by_signal.items()}
+        plain_choice.setdefault(label.partition(", ")[0], {})[label] = values
+    return plain_choice
+
+
+def _confusion(
+    compared: list[tuple[Cell | None, list[dict]]],
+) -> dict[str, dict[str, dict[str, int]]]:
+    """Fault injected against fault reported, of the paper's sizes and of drives without a fault."""
+    return confusion(
         [
             (cell.injected if cell else (), result)
-            for cell, own in by_cell
+            for cell, own in compared
             if cell is None or _is_paper_size(cell)
             for result in own
         ]
     )
-    on_tracks: dict[str, Counter[str]] = {}
-    if recorded is not None:
-        for found in run(
-            [
-                Task(
-                    f"track/{number}/{judged}",
-                    false_on_track,
-                    (number, recorded, settings, scales, plain_choice),
-                )
-                for number in range(COUNT)
-            ]
-        ).values():
-            for label, events in found.items():
-                on_tracks.setdefault(label, Counter()).update(events)
-    requirements = measure(size.extent, recorded, run)
-    return Evaluation(
-        settings, size, summarised, normal, chosen, rows, matrix, on_tracks, requirements
-    )
-
-
-def _choose(
-    run: Callable[[list[Task]], dict[str, Any]],
-    settings: GraphSettings,
-    scales: NormalScales,
-    files: dict[str, dict[str, Path]],
-    tag: str,
-    allowed: int,
-) -> dict[str, dict[str, Choice]]:
-    """Each detector's settings, from its false events on the normal drives."""
-    found = detectors(settings, scales)
-    learnt = _digest(scales.__dict__) + tag
-    most = max(allowed, *EQUAL_EVENTS)
-    counted = run(
-        [
-            Task(
-                f"count/{detector.name}/{name}/{most}/{learnt}",
-                count_normal,
-                (number, own[detector.variant], settings, scales, most),
-            )
-            for number, detector in enumerate(found)
-            for name, own in files.items()
-        ]
-    )
-    results = list(counted.values())
-    drives = len(files)
-    counts = [results[k * drives : (k + 1) * drives] for k in range(len(found))]
-    chosen = choose_settings(found, counts, allowed)
-    for events in EQUAL_EVENTS:
-        for name, choice in choose_settings(found, counts, events).items():
-            if name not in (SINGLE, LINEAR):
-                chosen[at_equal(name, events)] = choice
-    return chosen
 
 
 def _is_paper_size(cell: Cell) -> bool:
