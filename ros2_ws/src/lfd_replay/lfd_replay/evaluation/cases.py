@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_diagnosis.verdict import SIGNALS
-from lfd_mpc.samples import ACCELERATION, RADAR
+from lfd_mpc.samples import ACCELERATION, RADAR, Sample
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.fault_windows import PAPER
-from lfd_replay.faults import FaultInjector, parse_faults
+from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.generated.generate import generate_drive
 from lfd_replay.import_drive import join_drive
 from lfd_replay.offline import GraphStep, OfflineGraph
 from lfd_replay.profiles import GraphSettings
+from lfd_replay.read_drive import ReadOptions
 from lfd_replay.score import row_timeline, score, timeline
 
 Array = NDArray[np.float64]
@@ -86,21 +87,37 @@ def load_drive(name: str, recorded: Path | None, seed: int = 0) -> Drive:
     """A drive of an evaluation by name: the recorded one, or generated. Raises UserError."""
     if name != RECORDED or recorded is None:
         return generate_drive(name, seed, "esr")
-    base = f"{recorded / RECORDED}"
+    return behind_recorded(recorded, "lead")
+
+
+def behind_recorded(recorded: Path, lead: str, options: ReadOptions | None = None) -> Drive:
+    """The recorded car's own sensors behind that lead of its radar. Raises UserError.
+
+    `lead`: the end of the name of its file; `options`: how that is read.
+    """
+    base = recorded / RECORDED
     return join_drive(
-        Path(f"{base}_lead.csv"),
+        Path(f"{base}_{lead}.csv"),
         f"{base}.can_accel_0x24.csv:acc_forward_mps2",
         f"{base}.speed.csv",
+        options,
     )
+
+
+def _with_faults(
+    case: Case, phase: float, recorded: Path | None
+) -> tuple[Drive, list[Fault], list[Sample]]:
+    """The drive of a case, its faults, and the samples that they leave."""
+    drive = load_drive(case.drive, recorded)
+    faults = parse_faults(case.fault_texts(phase))
+    return drive, faults, FaultInjector(faults, drive.zero, 0).apply(drive.samples)
 
 
 def run_case(
     case: Case, phase: float, settings: GraphSettings, recorded: Path | None
 ) -> tuple[Drive, list[GraphStep], dict]:
     """The drive, every step and the contract's figures of one case."""
-    drive = load_drive(case.drive, recorded)
-    faults = parse_faults(case.fault_texts(phase))
-    samples = FaultInjector(faults, drive.zero, 0).apply(drive.samples)
+    drive, faults, samples = _with_faults(case, phase, recorded)
     steps = list(OfflineGraph(settings).run(samples))
     sensors = score(timeline((step.outcome.report for step in steps), drive.zero), faults)
     return drive, steps, sensors
@@ -128,9 +145,7 @@ _FIELDS = {
 
 def score_case(case: Case, phase: float, settings: GraphSettings, recorded: Path | None) -> dict:
     """The contract's figures of one case."""
-    drive = load_drive(case.drive, recorded)
-    faults = parse_faults(case.fault_texts(phase))
-    samples = FaultInjector(faults, drive.zero, 0).apply(drive.samples)
+    drive, faults, samples = _with_faults(case, phase, recorded)
     return score(row_timeline(OfflineGraph(settings).rows(samples), drive.zero), faults)
 
 

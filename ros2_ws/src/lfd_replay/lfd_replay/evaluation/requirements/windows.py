@@ -20,7 +20,7 @@ from lfd_mpc.samples import (
 from lfd_mpc.settings import STEP_S
 from lfd_observer.settings import BankSettings
 from lfd_replay.drive import Drive
-from lfd_replay.evaluation.cases import BLAMED_FOR_S, RECORDED, load_drive
+from lfd_replay.evaluation.cases import BLAMED_FOR_S, RECORDED, behind_recorded, load_drive
 from lfd_replay.evaluation.mishaps import MISHAPS
 from lfd_replay.evaluation.random_sensors import RANDOM_SENSORS, random_sensors_drive
 from lfd_replay.evaluation.recorded_noise import FARTHER_OFF, recorded_sensors_drive
@@ -39,7 +39,6 @@ from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.generated.generate import drive_truth, generate_drive
 from lfd_replay.generated.lead_profiles import IN_TRAFFIC
-from lfd_replay.import_drive import join_drive
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import PROFILES, GraphSettings, graph_settings
 from lfd_replay.read_drive import ReadOptions
@@ -103,14 +102,9 @@ def load(run: Run, recorded: Path | None) -> Drive:
         return seen_by(run.sensor, load(replace(run, sensor="esr"), recorded), recorded)
     if run.drive.startswith(BACKWARD):
         return backward(load(replace(run, drive=run.drive.removeprefix(BACKWARD)), recorded))
-    if run.drive == NEAREST:
-        base = f"{recorded}/{RECORDED}"
-        return join_drive(
-            Path(f"{base}_nearest_in_path.csv"),
-            f"{base}.can_accel_0x24.csv:acc_forward_mps2",
-            f"{base}.speed.csv",
-            ReadOptions(mapping={"track_id": "track_addr"}),
-        )
+    if run.drive == NEAREST and recorded is not None:
+        ids = ReadOptions(mapping={"track_id": "track_addr"})
+        return behind_recorded(recorded, "nearest_in_path", ids)
     if run.drive.startswith(TRACK) and recorded is not None:
         return track_drive(recorded, int(run.drive.removeprefix(TRACK)))
     if run.drive.startswith(TRACK_ID) and recorded is not None:
