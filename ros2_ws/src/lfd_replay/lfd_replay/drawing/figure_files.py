@@ -33,11 +33,8 @@ LEGEND_COLUMNS = 6
 
 def write_figure(figure: Figure, folder: Path) -> Path:
     """Draw a figure into `FOLDER/KEY.png` and return its path."""
-    rows = -(-len(figure.panels) // figure.columns)
-    heights = [
-        max(p.height for p in figure.panels[r * figure.columns : (r + 1) * figure.columns])
-        for r in range(rows)
-    ]
+    heights = figure.row_heights
+    rows = len(heights)
     tall = 1.6 if figure.columns > 1 or rows == 1 else 1.0
     canvas = Canvas(figsize=(WIDTH, HEIGHT * tall * sum(heights) + 0.5), layout="constrained")
     FigureCanvasAgg(canvas)

@@ -1,7 +1,7 @@
 """Figures on one self-contained page: nothing is fetched, everything can be zoomed."""
 
 import html
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,6 @@ from lfd_replay.drawing.figures import (
     HeatMap,
     Limit,
     Line,
-    Mark,
     Panel,
     Points,
     Spans,
@@ -36,11 +35,8 @@ ROW_HEIGHT = 190
 
 def drawn(figure: Figure) -> str:
     """A figure as the JSON that the page draws."""
-    rows = -(-len(figure.panels) // figure.columns)
-    heights = [
-        max(p.height for p in figure.panels[r * figure.columns : (r + 1) * figure.columns])
-        for r in range(rows)
-    ]
+    heights = figure.row_heights
+    rows = len(heights)
     tall = 1.7 if figure.columns > 1 or rows == 1 else 1.0
     pixels = round(ROW_HEIGHT * tall * sum(heights) + 110)
     stacked = figure.columns == 1
@@ -76,15 +72,16 @@ def drawn(figure: Figure) -> str:
 
 def _draw(plot: go.Figure, panel: Panel, place: dict[str, int], named: set[str]) -> None:
     for mark in panel.marks:
-        for trace in _traces(mark):
-            if trace.showlegend is not False:
-                # The same name in several panels is one entry that switches all of them.
-                trace.legendgroup = trace.name
-                trace.showlegend = trace.name not in named
-                named.add(trace.name)
-            plot.add_trace(trace, **place)
         if isinstance(mark, Limit):
             plot.add_hline(mark.y, line={"color": mark.colour, "dash": "dash", "width": 1}, **place)
+            continue
+        trace = _TRACES[type(mark)](mark)
+        if trace.showlegend is not False:
+            # The same name in several panels is one entry that switches all of them.
+            trace.legendgroup = trace.name
+            trace.showlegend = trace.name not in named
+            named.add(trace.name)
+        plot.add_trace(trace, **place)
     for start, end in panel.shaded:
         plot.add_vrect(start, end, fillcolor=INJECTED, opacity=0.18, line_width=0, **place)
     plot.update_yaxes(title_text=panel.y_label, title_standoff=4, **place)
@@ -106,80 +103,88 @@ def _draw(plot: go.Figure, panel: Panel, place: dict[str, int], named: set[str])
         )
 
 
-def _traces(mark: Mark) -> list[Any]:
-    if isinstance(mark, Line):
-        x, y = thinned(mark.x, mark.y)
-        style = {"color": mark.colour, "width": mark.width, "dash": "dash" if mark.dashed else None}
-        return [
-            go.Scatter(
-                x=_small(x), y=_small(y), name=mark.name, mode="lines", line=style,
-                showlegend=mark.legend,
-            )
-        ]  # fmt: skip
-    if isinstance(mark, Band):
-        # Around each stretch and back; what follows a gap is an outline of its own.
-        parts = stretches(mark)
-        x = np.concatenate([[np.nan], *(np.r_[x, x[::-1], np.nan] for x, _, _ in parts)])
-        y = np.concatenate([[np.nan], *(np.r_[low, high[::-1], np.nan] for _, low, high in parts)])
-        return [
-            go.Scatter(
-                x=_small(x), y=_small(y), name=mark.name, mode="lines", line={"width": 0},
-                fill="toself", fillcolor=mark.colour, opacity=BAND_ALPHA, hoverinfo="skip",
-            )
-        ]  # fmt: skip
-    if isinstance(mark, Points):
-        errors = None
-        if mark.low is not None and mark.high is not None:
-            errors = {
-                "type": "data",
-                "array": (mark.high - mark.y).clip(min=0.0),
-                "arrayminus": (mark.y - mark.low).clip(min=0.0),
-                "thickness": 1,
-            }
-        mode = "lines+markers" if mark.joined else "markers"
-        style = {"color": mark.colour}
-        return [
-            go.Scatter(
-                x=mark.x, y=mark.y, error_y=errors, name=mark.name, mode=mode, line=style,
-                marker={"size": 6},
-            )
-        ]  # fmt: skip
-    if isinstance(mark, Bars):
-        return [go.Bar(x=mark.x, y=mark.y, name=mark.name, marker={"color": mark.colour})]
-    if isinstance(mark, HeatMap):
-        named = isinstance(mark.x, list)
-        return [
-            go.Heatmap(
-                x=_with_breaks(mark.x) if named else _small(mark.x),
-                y=_with_breaks(mark.y) if named else _small(mark.y),
-                z=mark.z if mark.z.dtype == np.uint8 else _small(mark.z),
-                name=mark.name,
-                colorscale=[[0, "#FFFFFF"], [1, mark.colour]],
-                zmin=0,
-                zmax=1,
-                showscale=False,
-                showlegend=False,
-                text=mark.texts,
-                texttemplate="%{text}" if mark.texts else None,
-            )
-        ]  # fmt: skip
-    if isinstance(mark, Spans):
-        x, y = [], []
-        for start, end in mark.intervals:
-            x += [start, end, None]
-            y += [mark.lane + mark.shift, mark.lane + mark.shift, None]
-        return [
-            go.Scatter(
-                x=x or [None],
-                y=y or [None],
-                name=mark.name,
-                mode="lines",
-                line={"color": mark.colour, "width": 8},
-                legendgroup=mark.name,
-                showlegend=None if mark.legend else False,
-            )
-        ]
-    return []
+def _line(mark: Line) -> Any:
+    x, y = thinned(mark.x, mark.y)
+    style = {"color": mark.colour, "width": mark.width, "dash": "dash" if mark.dashed else None}
+    return go.Scatter(
+        x=_small(x), y=_small(y), name=mark.name, mode="lines", line=style, showlegend=mark.legend
+    )
+
+
+def _band(mark: Band) -> Any:
+    # Around each stretch and back; what follows a gap is an outline of its own.
+    parts = stretches(mark)
+    x = np.concatenate([[np.nan], *(np.r_[x, x[::-1], np.nan] for x, _, _ in parts)])
+    y = np.concatenate([[np.nan], *(np.r_[low, high[::-1], np.nan] for _, low, high in parts)])
+    return go.Scatter(
+        x=_small(x), y=_small(y), name=mark.name, mode="lines", line={"width": 0},
+        fill="toself", fillcolor=mark.colour, opacity=BAND_ALPHA, hoverinfo="skip",
+    )  # fmt: skip
+
+
+def _points(mark: Points) -> Any:
+    errors = None
+    if mark.low is not None and mark.high is not None:
+        errors = {
+            "type": "data",
+            "array": (mark.high - mark.y).clip(min=0.0),
+            "arrayminus": (mark.y - mark.low).clip(min=0.0),
+            "thickness": 1,
+        }
+    mode = "lines+markers" if mark.joined else "markers"
+    style = {"color": mark.colour}
+    return go.Scatter(
+        x=mark.x, y=mark.y, error_y=errors, name=mark.name, mode=mode, line=style,
+        marker={"size": 6},
+    )  # fmt: skip
+
+
+def _bars(mark: Bars) -> Any:
+    return go.Bar(x=mark.x, y=mark.y, name=mark.name, marker={"color": mark.colour})
+
+
+def _heat_map(mark: HeatMap) -> Any:
+    named = isinstance(mark.x, list)
+    return go.Heatmap(
+        x=_with_breaks(mark.x) if named else _small(mark.x),
+        y=_with_breaks(mark.y) if named else _small(mark.y),
+        z=mark.z if mark.z.dtype == np.uint8 else _small(mark.z),
+        name=mark.name,
+        colorscale=[[0, "#FFFFFF"], [1, mark.colour]],
+        zmin=0,
+        zmax=1,
+        showscale=False,
+        showlegend=False,
+        text=mark.texts,
+        texttemplate="%{text}" if mark.texts else None,
+    )
+
+
+def _spans(mark: Spans) -> Any:
+    x, y = [], []
+    for start, end in mark.intervals:
+        x += [start, end, None]
+        y += [mark.lane + mark.shift, mark.lane + mark.shift, None]
+    return go.Scatter(
+        x=x or [None],
+        y=y or [None],
+        name=mark.name,
+        mode="lines",
+        line={"color": mark.colour, "width": 8},
+        legendgroup=mark.name,
+        showlegend=None if mark.legend else False,
+    )
+
+
+_TRACES: dict[type, Callable[[Any], Any]] = {
+    Line: _line,
+    Band: _band,
+    Points: _points,
+    Bars: _bars,
+    HeatMap: _heat_map,
+    Spans: _spans,
+}
+"""How each mark is drawn, but a limit, which is no trace."""
 
 
 def _with_breaks(names: Any) -> list[str]:

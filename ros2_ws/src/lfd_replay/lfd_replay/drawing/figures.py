@@ -155,6 +155,12 @@ class Figure:
     panels: list[Panel]
     columns: int = 1
 
+    @property
+    def row_heights(self) -> list[float]:
+        """Height of each row of panels, as a share of an ordinary one's."""
+        rows = range(0, len(self.panels), self.columns)
+        return [max(p.height for p in self.panels[k : k + self.columns]) for k in rows]
+
 
 def stretches(band: Band) -> list[tuple[Array, Array, Array]]:
     """What a band is drawn of: x, low and high of each stretch without NaN, thinned to their

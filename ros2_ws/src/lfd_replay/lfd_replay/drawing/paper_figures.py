@@ -13,8 +13,8 @@ from lfd_replay.drawing.figures import (
     Bars,
     Figure,
     HeatMap,
-    Interval,
     Line,
+    Mark,
     Panel,
     Points,
 )
@@ -31,6 +31,7 @@ from lfd_replay.drawing.panels import (
     output_error_panel,
     verdict_panel,
 )
+from lfd_replay.evaluation.detectors import is_at_equal
 
 Array = NDArray[np.float64]
 
@@ -207,69 +208,56 @@ def detector_curves(rows: list[dict], figure: str) -> Figure:
 
     `rows` as in `summary.json`; `figure` is `rate` or `delay`.
     """
-    value, low, high = (
-        ("detected", "detected_low", "detected_high")
-        if figure == "rate"
-        else ("delay_s", "delay_low_s", "delay_high_s")
-    )
-    offsets = [r for r in rows if r["kind"] == "offset" and len(r["injected"]) == 1]
-    # Those set to equal false events are in the table.
-    names = list(dict.fromkeys(r["name"] for r in offsets if not r["name"].endswith(" false")))
-    panels = []
-    for signal in INDEXED:
-        marks: list = []
-        for number, name in enumerate(names):
-            own = sorted(
-                (r for r in offsets if r["name"] == name and r["signal"] == signal),
-                key=lambda row: row["size"],
-            )
-            own = [row for row in own if row[value] is not None]
-            if own:
-                # Side by side, so that intervals do not hide each other.
-                shift = 1.0 + 0.03 * (number - len(names) / 2)
-                columns = [np.array([row[c] for row in own]) for c in ("size", value, low, high)]
-                marks.append(
-                    Points(
-                        name, columns[0] * shift, columns[1], SERIES[number], columns[2], columns[3]
-                    )
-                )
-        y_range: Interval | None = (-0.05, 1.05) if figure == "rate" else None
-        y_label = "share of windows found" if figure == "rate" else "delay (s)"
-        panels.append(
-            Panel(
-                f"{label(signal)}",
-                f"offset ({UNITS[signal]})",
-                y_label,
-                marks,
-                log_x=True,
-                log_y=figure == "delay",
-                x_ticks=sorted({row["size"] for row in offsets if row["signal"] == signal}),
-                y_range=y_range,
-            )
-        )
-    title, says = (
-        (
-            "How many faults are found, against their size",
-            "Share of 4 s windows in which a detector raised a fault of the injected signal.",
-        )
-        if figure == "rate"
-        else (
-            "How soon faults are found, against their size",
-            "Median delay of those that were found; where few are found it means little.",
-        )
-    )
+    if figure == "rate":
+        columns = "size", "detected", "detected_low", "detected_high"
+        title, y_label = "How many faults are found, against their size", "share of windows found"
+        says = "Share of 4 s windows in which a detector raised a fault of the injected signal."
+    else:
+        columns = "size", "delay_s", "delay_low_s", "delay_high_s"
+        title, y_label = "How soon faults are found, against their size", "delay (s)"
+        says = "Median delay of those that were found; where few are found it means little."
     says += (
         " All detectors but the published one are set to the same number of false events on the "
         "normal drives. Bars are 95 % intervals."
     )
+    offsets = [r for r in rows if r["kind"] == "offset" and len(r["injected"]) == 1]
+    # Those set to equal false events are in the table.
+    names = list(dict.fromkeys(r["name"] for r in offsets if not is_at_equal(r["name"])))
+    panels = [
+        Panel(
+            label(signal),
+            f"offset ({UNITS[signal]})",
+            y_label,
+            _curves([row for row in offsets if row["signal"] == signal], names, columns),
+            log_x=True,
+            log_y=figure == "delay",
+            x_ticks=sorted({row["size"] for row in offsets if row["signal"] == signal}),
+            y_range=(-0.05, 1.05) if figure == "rate" else None,
+        )
+        for signal in INDEXED
+    ]
     return Figure(f"detector-{figure}", title, says, panels, 3)
+
+
+def _curves(rows: list[dict], names: list[str], columns: tuple[str, str, str, str]) -> list[Mark]:
+    """One curve per name; `columns`: of the size, and of the value, low and high to draw."""
+    marks: list[Mark] = []
+    for number, name in enumerate(names):
+        own = [row for row in rows if row["name"] == name and row[columns[1]] is not None]
+        own.sort(key=lambda row: row["size"])
+        if own:
+            # Side by side, so that intervals do not hide each other.
+            shift = 1.0 + 0.03 * (number - len(names) / 2)
+            size, value, low, high = (np.array([row[c] for row in own]) for c in columns)
+            marks.append(Points(name, size * shift, value, SERIES[number], low, high))
+    return marks
 
 
 def confusion_figure(matrices: dict[str, dict[str, dict[str, int]]]) -> Figure:
     """Fault injected against fault reported, in windows, for each detector."""
     panels = []
     for name, matrix in matrices.items():
-        if name.endswith(" false"):
+        if is_at_equal(name):
             continue
         counts = np.array([list(row.values()) for row in matrix.values()], dtype=float)
         total = counts.sum(axis=1, keepdims=True)

@@ -35,6 +35,11 @@ def at_equal(name: str, events: int) -> str:
     return f"{name}, {events} false"
 
 
+def is_at_equal(name: str) -> bool:
+    """Whether that is such a name."""
+    return name.endswith(" false")
+
+
 class Detector(ABC):
     """One way to find faults in a trace."""
 

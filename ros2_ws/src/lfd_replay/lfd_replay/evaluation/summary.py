@@ -6,7 +6,7 @@ from lfd_diagnosis.verdict import SIGNALS
 from lfd_replay.evaluation.campaign import Evaluation
 from lfd_replay.evaluation.cases import RECORDED, SCAN_S
 from lfd_replay.evaluation.comparison import AS_PUBLISHED
-from lfd_replay.evaluation.detectors import PUBLISHED, ROBUST, ROBUST_SET
+from lfd_replay.evaluation.detectors import PUBLISHED, ROBUST, ROBUST_SET, is_at_equal
 from lfd_replay.evaluation.normal_driving import IndexStatistics
 from lfd_replay.evaluation.requirements.judge import Finding
 from lfd_replay.evaluation.trace import JUDGED
@@ -143,7 +143,7 @@ def detector_table_rows(evaluation: Evaluation) -> Rows:
     """Every cell of one signal, every detector."""
     rows: Rows = []
     for row in evaluation.rows:
-        if len(row["injected"]) > 1 or row["name"].endswith(" false"):
+        if len(row["injected"]) > 1 or is_at_equal(row["name"]):
             continue
         delay = row["delay_s"]
         rows.append(
@@ -284,7 +284,7 @@ def equal_rows(rows_of_cells: list[dict]) -> Rows:
     for (kind, signal, size, injected), by_name in keyed.items():
         own = [by_name[name] for name in (ROBUST, ROBUST_SET) if name in by_name]
         for name, row in by_name.items():
-            if not own or not name.endswith(" false"):
+            if not own or not is_at_equal(name):
                 continue
             with_others = f" of {len(injected)} faulty" if len(injected) > 1 else ""
             table.append(
