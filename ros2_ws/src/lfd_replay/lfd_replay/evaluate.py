@@ -121,8 +121,7 @@ def _report_drive(drive: Drive, question: Question, sensors: dict, folder: Path)
     )
 
 
-def main_evaluate(arguments: list[str]) -> int:
-    """The command line of `evaluate`."""
+def _parse(arguments: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="evaluate", description=__doc__)
     parser.add_argument(
         "drives",
@@ -143,8 +142,12 @@ def main_evaluate(arguments: list[str]) -> int:
         "--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: %(default)s)"
     )
     many.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler to use instead")
-    options = parser.parse_args(arguments)
+    return parser.parse_args(arguments)
 
+
+def main_evaluate(arguments: list[str]) -> int:
+    """The command line of `evaluate`."""
+    options = _parse(arguments)
     question = Question(
         options.profile,
         graph_settings(options.profile, options.params),
@@ -158,23 +161,31 @@ def main_evaluate(arguments: list[str]) -> int:
         refuse_to_overwrite(options.json, read)
     if options.report:
         refuse_to_overwrite(options.report / "report.html", read)
-    if drives is not None:
-        if options.report:
-            raise UserError("--report makes the page of one drive; give one")
-        if options.jobs < 1:
-            raise UserError(f"--jobs {options.jobs}: 1 or more is expected")
-        results = evaluate_all(
-            drives,
-            question,
-            files_read(options),
-            evaluate_drive,
-            options.json,
-            options.jobs,
-            options.scheduler,
-        )
-        print_table(many_table(results, options.profile))
-        return say_failures(results)
-    (path,) = options.drives
+    if drives is None:
+        (path,) = options.drives
+        return _evaluate_one(path, question, options)
+    return _evaluate_several(drives, question, options)
+
+
+def _evaluate_several(drives: list[Path], question: Question, options: argparse.Namespace) -> int:
+    if options.report:
+        raise UserError("--report makes the page of one drive; give one")
+    if options.jobs < 1:
+        raise UserError(f"--jobs {options.jobs}: 1 or more is expected")
+    results = evaluate_all(
+        drives,
+        question,
+        files_read(options),
+        evaluate_drive,
+        options.json,
+        options.jobs,
+        options.scheduler,
+    )
+    print_table(many_table(results, options.profile))
+    return say_failures(results)
+
+
+def _evaluate_one(path: Path, question: Question, options: argparse.Namespace) -> int:
     drive, result, line = _judge(path, question)
     sensors = shown(line, question.faults)
     if options.report:
