@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+from lfd_replay.evaluation.cases import RECORDED
 from lfd_replay.evaluation.fault_windows import LENGTH, PAPER, Values
 from lfd_replay.evaluation.mishaps import MISHAPS
 from lfd_replay.evaluation.random_sensors import RANDOM_SENSORS
@@ -96,11 +97,11 @@ def _table_3(extent: Extent, recorded: bool) -> Iterator[Row]:
         title = f"Table 3: {name}"
         runs = plan.table_3(extent, values, recorded)
         yield Row(title, runs, judges.judge_table_3)
-        generated = [run for run in runs if run.drive.startswith("data")]
+        generated = [run for run in runs if run.drive != RECORDED]
         yield Row(f"{title}, rebuilt", generated, REBUILT)
         if recorded:
-            others = [run for run in runs if run not in generated]
-            yield Row(f"{title}, rebuilt, recorded", others, REBUILT_RECORDED)
+            real = [run for run in runs if run.drive == RECORDED]
+            yield Row(f"{title}, rebuilt, recorded", real, REBUILT_RECORDED)
 
 
 def _offsets(extent: Extent) -> Iterator[Row]:

@@ -195,6 +195,7 @@ def look(run: Run, recorded: Path | None) -> tuple[dict[str, Seen], Array, Array
         rows = np.concatenate(list(OfflineGraph(settings).rows(faulty)))
         times = (rows["horizon"]["stamp"] - zero) * 1e-9
         seen[name] = _collect(times, rows["horizon"]["track_id"], rows["outcome"])
+    # Every profile has the same controller: any of its horizons will do.
     horizon = rows["horizon"]
     used = ("clearance", "relative_velocity", "acceleration", "measured_host_speed")
     measured = np.stack([horizon[field] for field in used], axis=1)
