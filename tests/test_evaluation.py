@@ -388,6 +388,20 @@ def few_rows(extent: plan.Extent, recorded: bool) -> list[requirements.Row]:
     ]
 
 
+def test_a_row_counts_as_the_fault_that_it_injects() -> None:
+    """Titles are for people: they tell rows apart, and nothing else hangs on them."""
+    rows = requirements.rows(plan.full_extent(), True)
+    assert len({row.title for row in rows}) == len(rows)
+    assert all(run.profiles == row.runs[0].profiles for row in rows for run in row.runs)
+    counted = [row for row in rows if row.counts_as]
+    assert {"offset", "hold", "noise"} < {row.counts_as[0] for row in counted}
+    for row in counted:
+        injected = {
+            (fault.kind, *fault.signals) for run in row.runs for fault in parse_faults(run.faults)
+        }
+        assert injected == {row.counts_as}, row.title
+
+
 def test_rows_are_checked_on_seeds_of_ones_choice(tmp_path: Path, monkeypatch, capsys) -> None:
     """Other seeds are other drives: the figures say of how many, and are kept by seed."""
     monkeypatch.setattr(requirements, "rows", few_healthy)
