@@ -9,6 +9,7 @@ from lfd_replay.evaluation.comparison import AS_PUBLISHED
 from lfd_replay.evaluation.detectors import PUBLISHED, ROBUST, ROBUST_SET, is_at_equal
 from lfd_replay.evaluation.normal_driving import IndexStatistics
 from lfd_replay.evaluation.requirements.judge import Finding
+from lfd_replay.evaluation.requirements.mechanisms import AS_IT_IS
 from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.profiles import PROFILES
 
@@ -243,10 +244,10 @@ MECHANISM_COLUMNS = (
 def mechanism_rows(ablation: dict[str, dict[str, dict[str, float]]]) -> Rows:
     """What each mechanism contributes: only where something differs from the profile as it is."""
     rows: Rows = []
-    reference = ablation.get("as it is", {})
+    reference = ablation.get(AS_IT_IS, {})
     for name, groups in ablation.items():
         for title, figures in groups.items():
-            if name != "as it is" and figures == reference[title]:
+            if name != AS_IT_IS and figures == reference[title]:
                 continue
             rows.append(
                 (
