@@ -53,6 +53,7 @@ from lfd_diagnosis.radar_signal import (
     count_scan,
     deviation_about,
     drifts_by,
+    ends_the_last,
     forgive,
     is_bad,
     learn_swing,
@@ -477,6 +478,13 @@ def _suspect(radar, settings, signal, of_clearance, changed):
             acquit(signal)
         elif is_bad(signal) and of_clearance and _leads_back(radar, settings):
             _see_another_part(radar, radar.measured_clearance.value)
+        elif is_bad(signal) and ends_the_last(signal):
+            signal.ended_size = np.nan
+            if of_clearance:
+                _see_another_part(radar, radar.measured_clearance.value)
+            else:
+                rebase(radar.track, signal, radar.measured_velocity.value, False)
+                acquit(signal)
         elif is_bad(signal) and not of_clearance and _ends_a_drift(radar):
             _trust_both(radar)
         elif is_bad(signal) and not of_clearance and catches_up(radar, settings):

@@ -18,6 +18,7 @@ from lfd_diagnosis.radar_signal import (
     is_bad,
     lose_reference,
     may_have_shifted,
+    note_end,
     restart_agreement,
     returned_to,
     shows_itself,
@@ -127,6 +128,7 @@ def _rebase_where_undone(radar, settings, signal, measured, of_clearance, repeat
 @inner
 def _end_fault(radar, settings, signal, measured, of_clearance):
     went_on = signal.carried
+    note_end(signal, measured.at)
     forgive(signal)
     if not is_radar_faulty(radar):
         # What was followed while it was faulty tells nothing about it now.

@@ -98,6 +98,10 @@ BACK_FLOORS, BACK_SHARE = 0.8, 0.4
 LONGEST_PERIOD = 0.2
 """Seconds that one scan's agreement counts for at most."""
 
+ENDED = 60.0
+"""Seconds in which a jump back may be the end of an offset that is believed since another target
+came."""
+
 HISTORY = 4096
 """Residuals of a drift that are remembered; over long times not every one is."""
 
@@ -140,6 +144,8 @@ RADAR_SIGNAL = np.dtype(
         ("lost_since", "f8"),
         ("carried", "?"),
         ("carried_since", "f8"),
+        ("ended_size", "f8"),
+        ("ended_at", "f8"),
         ("first", RING),
         ("recent", RING),
         ("said", RING),
@@ -157,9 +163,10 @@ clearance: beyond the path travelled), `at_once` whether that was undone from on
 since it agrees, `jumped_back_at` when its last jump was if it was that way, `must_agree` for how
 long what agrees must go on where that is longer than usual, `history` times and residuals of a
 drift. `lost_since` counts while the reference of a faulty signal is `lost`: another target came;
-`carried_since` while its offset is taken to go on with that (`carried`). In shares of `floor`:
-`roughest`, the largest healthy residual, `swung`, that of some minutes, and `swings`, a larger one
-`swings_for` scans ago.
+`carried_since` while its offset is taken to go on with that (`carried`); `ended_size` is how far
+the last one was off that is believed since `ended_at` though nobody saw its end. In shares of
+`floor`: `roughest`, the largest healthy residual, `swung`, that of some minutes, and `swings`, a
+larger one `swings_for` scans ago.
 """
 
 
@@ -183,7 +190,7 @@ def start_signal(signal, floor, std, lowest, learn):
     start_ring(signal.said, MANY_BEFORE + MANY_AFTER)
     signal.history_count = signal.history_first = 0
     signal.came_back = signal.at_once = False
-    signal.jumped_back_at = np.nan
+    signal.jumped_back_at = signal.ended_size = np.nan
     signal.agreeing = 0.0
     restart_signal(signal)
     forgive(signal)
@@ -349,6 +356,7 @@ def convict(signal, kind, confidence):
     signal.estimate = signal.size = signal.residual
     if not signal.first.count:
         append(signal.first, signal.residual)
+    signal.ended_size = np.nan
     # What it did just before was its fault.
     signal.swings = 0.0
     signal.came_back = signal.at_once = False
@@ -357,6 +365,22 @@ def convict(signal, kind, confidence):
     start_ring(signal.recent, MANY_BEFORE + MANY_AFTER)
     start_ring(signal.said, MANY_BEFORE + MANY_AFTER)
     signal.history_first = signal.history_count = 0
+
+
+@inner
+def note_end(signal, time):
+    """What is believed since a time in s, another target having come, may still be off."""
+    unseen = signal.kind == Kind.OFFSET and (signal.lost or signal.carried)
+    signal.ended_size = signal.size if unseen and not signal.came_back else np.nan
+    signal.ended_at = time
+
+
+@inner
+def ends_the_last(signal):
+    """Whether a jump undoes the offset whose end nobody saw."""
+    off, recent = signal.ended_size, signal.last_at - signal.ended_at < ENDED
+    doubt = max(TOLERANCE * abs(off), 0.5 * signal.floor)
+    return recent and abs(signal.residual + off) < doubt
 
 
 @inner

@@ -43,6 +43,7 @@ from lfd_diagnosis.radar_state import (
     is_reference_lost,
     limits_about,
 )
+from lfd_diagnosis.travelled_path import skip_path
 from lfd_mpc.compiled import inner
 from lfd_mpc.samples import UNKNOWN_TRACK
 
@@ -136,9 +137,8 @@ def begin_target(radar, settings, track_id):
 @inner
 def _skip_step(radar):
     """The path goes on as if the clearance had moved as its relative velocity says."""
-    clearance, velocity, path = radar.measured_clearance, radar.measured_velocity, radar.path
-    period = clearance.at - path.then
-    path.clearance = clearance.value - 0.5 * (velocity.value + path.velocity) * period
+    clearance, velocity = radar.measured_clearance, radar.measured_velocity
+    skip_path(radar.path, clearance.at, clearance.value, velocity.value)
     restart_roughness(radar.clearance.roughness)
     restart_roughness(radar.velocity.roughness)
 
@@ -215,8 +215,8 @@ def is_another(radar, settings, track_id):
     if settings.same_car and _knows(radar, settings, track_id, changed):
         if goes_on:
             return False
-        if is_radar_faulty(radar) and radar.path.count:
-            # What agrees since goes on, but for the step.
+        if radar.path.count:
+            # A drift is the sensor's, whichever part or car it sees: it goes on, but for the step.
             _skip_step(radar)
         else:
             cut_path(radar)

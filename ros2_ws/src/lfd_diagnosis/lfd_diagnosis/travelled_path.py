@@ -184,6 +184,15 @@ def follow_path(path, settings, time, clearance, velocity, step):
 
 
 @inner
+def skip_path(path, time, clearance, velocity):
+    """The scan to come at a time in s is of another part, or another car: what lies between the two
+    is no drift, and the time between them tells nothing."""
+    path.clearance = clearance - 0.5 * (velocity + path.velocity) * (time - path.then)
+    for i in range(path.count):
+        path.points[_point(path, i), 0] += time - path.then
+
+
+@inner
 def _level(path, start):
     """Mean of what the clearance was beside the path in the moment that begins at a time (s), or
     after the gap that is there."""
