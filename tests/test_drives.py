@@ -67,6 +67,16 @@ def test_columns_of_other_names_are_mapped_and_tracks_are_read(tmp_path: Path) -
     assert [s.track_id for s in drive.samples if s.input == RADAR] == [7]
 
 
+@pytest.mark.parametrize(
+    ("name", "told"), [("track_addr", True), ("targetId", True), ("lateral_m", False)]
+)
+def test_ids_under_another_name_are_told_of(tmp_path: Path, name: str, told: bool) -> None:
+    path = csv(tmp_path, "0,30,-1,15,0.1,7", "0.05,30,-1,15,0.1,7", header=f"{HEADER},{name}")
+    said = [w for w in read_drive(path).warnings if f"--map track_id={name}" in w]
+    assert len(said) == told
+    assert not read_drive(path, ReadOptions(mapping={"track_id": name})).warnings
+
+
 def test_what_the_lead_says_is_an_optional_column_and_topic(tmp_path: Path) -> None:
     header = HEADER + ",lead_accel_mps2"
     path = csv(tmp_path, "0,30,-1,15,0.1,-0.5", "0.05,30,-1,15,0.1,", header=header)

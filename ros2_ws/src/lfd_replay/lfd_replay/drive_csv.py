@@ -1,6 +1,7 @@
 """Drives as CSV files: one row per radar scan."""
 
 import csv
+import re
 from collections.abc import Iterator
 from itertools import pairwise
 from math import isfinite, nan
@@ -26,6 +27,9 @@ COLUMNS = ("t_s", "range_m", "range_rate_mps", "host_speed_mps", "host_accel_mps
 RANGE, RANGE_RATE, SPEED, ACCEL = COLUMNS[1:]
 TRACK, LEAD_ACCEL = "track_id", "lead_accel_mps2"
 SCALARS = {SPEED: HOST_SPEED, ACCEL: ACCELERATION, LEAD_ACCEL: LEAD_ACCELERATION}
+
+LIKE_IDS = re.compile(r"track|(target|object|obj)_?id", re.IGNORECASE)
+"""What a column of track ids may be called."""
 
 MOST_REPEATED = 0.5
 """Share of rows that may have the time of the row before: a recording may have each row twice."""
@@ -258,7 +262,18 @@ def read_csv_streams(
     for column, name in SCALARS.items():
         if column not in replaced and (column in COLUMNS or table.has(column)):
             streams[name] = scalar_stream(table, column, name)
-    return streams, table.remarks
+    return streams, [*table.remarks, *_unread_ids(table)]
+
+
+def _unread_ids(table: Table) -> Iterator[str]:
+    """Columns that may be track ids under another name."""
+    names = [name for name in table.header if LIKE_IDS.search(name)]
+    if names and not table.has(TRACK):
+        yield (
+            f"no {TRACK} is read, though '{_clipped(names[0])}' may be one "
+            f"(--map {TRACK}={_clipped(names[0])}): without ids another car that is just as fast "
+            "is a fault"
+        )
 
 
 def read_csv_as_it_is(
@@ -287,4 +302,4 @@ def read_csv_as_it_is(
             value = columns[column][row]
             if value is not None:
                 streams[name].append(ScalarSample(name, stamp, value))
-    return streams, table.remarks
+    return streams, [*table.remarks, *_unread_ids(table)]
