@@ -2,6 +2,7 @@
 
 from math import pi, sin
 
+import numpy as np
 import pytest
 from robust_car import SCAN, Car
 
@@ -475,3 +476,22 @@ def test_a_held_signal_is_never_said_to_be_told_from_a_healthy_one_no_longer(car
     assert reasons and not any("can no longer be told" in reason for reason in reasons)
     car.lead_acceleration = 0.0
     assert car.drive(1.0).report.relative_velocity.state == State.OK
+
+
+@pytest.mark.parametrize("seed", [0, 2, 3])
+def test_a_coarse_clearance_that_was_held_is_believed_as_soon(seed: int) -> None:
+    """It repeats itself for a moment when it is right, too."""
+    car = Car()
+    car.random = np.random.default_rng(seed)
+    car.rounded["clearance"] = 0.5
+    car.follow_unsteady(15, seed)
+    held = car.seen[0]
+    for _ in range(6):
+        back = 0.05 * (car.clearance - 30.0) + 0.4 * car.velocity
+        car.lead_acceleration = float(np.clip(car.random.normal() - back, -2.5, 2.5))
+        car.drive(0.7, clearance_is=held)
+    assert car.outcomes[-1].report.clearance.state == State.FAULT
+    start = car.number
+    car.follow_unsteady(3, seed + 50)
+    states = [outcome.report.clearance.state for outcome in car.outcomes[start:]]
+    assert State.FAULT not in states[60:]

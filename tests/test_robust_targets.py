@@ -601,3 +601,47 @@ def test_two_targets_that_take_turns_without_an_id_of_their_own_are_no_fault(
         car.step(clearance=other * way, relative_velocity=other * faster)
     car.drive(5.0)
     assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize("ids", [2, 1000])
+@pytest.mark.parametrize(
+    ("signal", "rate", "most", "scans"),
+    [
+        *(("clearance", rate, 4.5, scans) for rate in (1.0, -1.0) for scans in (5, 10, 40)),
+        *(("relative_velocity", 0.6, 3.0, scans) for scans in (2, 3, 10, 40)),
+    ],
+)
+def test_a_drift_goes_on_through_the_ids_of_one_car(
+    car: Car, ids: int, signal: str, rate: float, most: float, scans: int
+) -> None:
+    """An id changes nothing of what its sensor drifts by, be it new or known; the step that it
+    makes is no drift."""
+    car.drive(3.0)
+    start = car.number
+    for k in range(600):
+        if k % (scans * SCAN) == 0:
+            car.track_id = 10 + (k // (scans * SCAN)) % ids
+        part = 0.4 * (car.track_id % 2)
+        drifts = {"clearance": part}
+        drifts[signal] = drifts.get(signal, 0.0) + 0.01 * rate * k
+        car.step(**drifts)
+    assert car.faults_since(start) == {signal, "radar"}
+    assert car.delay(signal, start) * abs(rate) <= most
+
+
+@pytest.mark.parametrize("off", [2.0, -4.0])
+@pytest.mark.parametrize("later", [3.0, 8.0, 20.0])
+def test_an_offset_that_is_believed_since_another_car_came_ends_when_it_jumps_back(
+    car: Car, off: float, later: float
+) -> None:
+    """Nobody saw whether it went on with that car; its end is no fault."""
+    car.drive(2.0, clearance=off)
+    car.track_id, car.clearance, car.velocity = 2, 55.0, 0.3
+    car.drive(later, clearance=off)
+    start = car.number
+    car.drive(4.0)
+    assert not car.faults_since(start)
+    assert car.outcomes[-1].report.clearance.state == State.OK
+    start = car.number
+    car.drive(1.0, clearance=off)
+    assert car.faults_since(start) == {"clearance", "radar"}

@@ -481,7 +481,9 @@ def _suspect(radar, settings, signal, of_clearance, changed):
         elif is_bad(signal) and ends_the_last(signal):
             signal.ended_size = np.nan
             if of_clearance:
+                # What was off was no part of the car.
                 _see_another_part(radar, radar.measured_clearance.value)
+                radar.elsewhere = 0.0
             else:
                 rebase(radar.track, signal, radar.measured_velocity.value, False)
                 acquit(signal)

@@ -13,6 +13,7 @@ from lfd_diagnosis.healthy_signal import (
     append,
     at,
     deviation,
+    is_beyond_chance,
     is_frozen,
     is_full,
     is_rough,
@@ -283,8 +284,14 @@ def shows_itself(signal):
 
 @inner
 def still_shows(signal):
-    """Whether it repeats itself or is rough now."""
-    return is_held(signal) or is_rough(signal.roughness)
+    """Whether it repeats itself for longer than chance would have it, or is rough now."""
+    return _still_repeats(signal) or is_rough(signal.roughness)
+
+
+@inner
+def _still_repeats(signal):
+    """A coarse signal that is not held any more repeats itself for a moment, too."""
+    return is_held(signal) and is_beyond_chance(signal.repetition, signal.repetition.run)
 
 
 @inner
@@ -371,7 +378,7 @@ def convict(signal, kind, confidence):
 def note_end(signal, time):
     """What is believed since a time in s, another target having come, may still be off."""
     unseen = signal.kind == Kind.OFFSET and (signal.lost or signal.carried)
-    signal.ended_size = signal.size if unseen and not signal.came_back else np.nan
+    signal.ended_size = _began_with(signal) if unseen and not signal.came_back else np.nan
     signal.ended_at = time
 
 
@@ -436,6 +443,15 @@ def _levels(recent, before, after):
 
 
 @inner
+def _began_with(signal):
+    """By how much the scans that the fault began with were off, in the mean."""
+    first, offset = signal.first, 0.0
+    for i in range(first.count):
+        offset += at(first, i)
+    return offset / first.count
+
+
+@inner
 def returned_to(signal, said, repeated):
     """Where it is now, off its reference, if the jump that made the fault was undone, whatever
     became of the reference, and how much it rose before from scan to scan; NaN if not: some scans
@@ -443,14 +459,11 @@ def returned_to(signal, said, repeated):
     be an outlier."""
     if signal.kind != Kind.OFFSET:
         return np.nan, np.nan
-    first, recent = signal.first, signal.recent
+    recent = signal.recent
     if not repeated:
         append(recent, signal.residual)
         append(signal.said, said)
-    offset = 0.0
-    for i in range(first.count):
-        offset += at(first, i)
-    offset /= first.count
+    offset = _began_with(signal)
     noise = deviation(signal.noise)
     before, after, doubt = FEW_BEFORE, FEW_AFTER, FEW_DOUBT * noise
     if doubt > TOLERANCE * abs(offset):
@@ -596,7 +609,7 @@ def follow_agreement(signal, period, step, spread, sigma):
     jumped = signal.kind == Kind.OFFSET and is_full(signal.first)
     if not jumped or abs(signal.estimate - signal.size) > CHANGED * abs(signal.size):
         signal.size = signal.estimate
-    if off or (repeats(signal.kind) and is_held(signal)) or is_rough(signal.roughness):
+    if off or (repeats(signal.kind) and _still_repeats(signal)) or is_rough(signal.roughness):
         signal.came_back = signal.at_once = False
         restart_agreement(signal)
         return False
