@@ -284,14 +284,17 @@ def shows_itself(signal):
 
 @inner
 def still_shows(signal):
-    """Whether it repeats itself for longer than chance would have it, or is rough now."""
+    """Whether it has said the same ever since its fault began, or for longer than chance would have
+    it, or is rough now."""
     return _still_repeats(signal) or is_rough(signal.roughness)
 
 
 @inner
 def _still_repeats(signal):
     """A coarse signal that is not held any more repeats itself for a moment, too."""
-    return is_held(signal) and is_beyond_chance(signal.repetition, signal.repetition.run)
+    run = signal.repetition.run
+    ever_since = run >= signal.faulty_scans
+    return is_held(signal) and (ever_since or is_beyond_chance(signal.repetition, run))
 
 
 @inner
