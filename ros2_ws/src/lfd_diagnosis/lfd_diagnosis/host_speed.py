@@ -72,9 +72,10 @@ SWINGS = 0.1
 COARSE = 0.15
 """m/s of resolution beyond which the derivative goes up and down as on a road that bends."""
 
-POSSIBLE_ACCELERATION, GROWS = 10.0, 1.5
-"""m/s^2 by which a car may leave what its accelerometer feels, and how many times farther off than
-the sample before one is that does."""
+POSSIBLE_ACCELERATION, FOR_LONGER, LATE, GROWS = 15.0, 10.0, 0.2, 1.5
+"""m/s^2 by which a car may leave what its accelerometer feels for a moment, and for longer, m/s
+that a speed may be late by then, and how many times farther off than the sample before one is that
+does."""
 
 BENDS = 2.0
 """How much more a speed may bend than what is felt, filtered, says."""
@@ -413,9 +414,11 @@ def _possible_jump(speed, period, jump):
     several do, of the second one: later ones must not be farther off. And of the first one where it
     goes on from that: a car that brakes as hard goes on to do so."""
     first = speed.doubted_at - speed.last_at
-    goes_on = speed.doubt * jump > 0.0 and abs(jump) < GROWS * abs(speed.doubt)
-    period = min(period, first if goes_on else 2.0 * first)
-    return max(JUMP, JUMP_SIGMA * deviation(speed.noise)) + POSSIBLE_ACCELERATION * period
+    same = speed.doubt * jump > 0.0 and abs(jump) < GROWS * abs(speed.doubt)
+    # A wheel that is shaken swings to and fro in no time.
+    period = min(period, first if same and first > OFTEN else 2.0 * first)
+    accelerates = min(POSSIBLE_ACCELERATION * period, FOR_LONGER * period + LATE)
+    return max(JUMP, JUMP_SIGMA * deviation(speed.noise)) + accelerates
 
 
 @inner

@@ -426,7 +426,8 @@ def _judge(radar, settings, repeated):
         then = velocity_then(track, age, track.acceleration - radar.host)
         before = track.clearance
         correct_velocity(track, measured_velocity.value - then, velocity.noise.variance)
-        if clearance.faulty:
+        if velocity_was_faulty and clearance.faulty:
+            # The first scan that is believed again.
             move_reference(clearance, track.clearance - before)
     if has_clearance and good_clearance and not is_radar_faulty(radar):
         beside = measured_clearance.value - clearance_then(track, age, relative)

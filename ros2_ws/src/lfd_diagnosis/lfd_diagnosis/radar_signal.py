@@ -380,8 +380,8 @@ def convict(signal, kind, confidence):
 @inner
 def note_end(signal, time):
     """What is believed since a time in s, another target having come, may still be off."""
-    unseen = signal.kind == Kind.OFFSET and (signal.lost or signal.carried)
-    signal.ended_size = _began_with(signal) if unseen and not signal.came_back else np.nan
+    unseen = (signal.lost or signal.carried) and has_not_jumped_back(signal)
+    signal.ended_size = _began_with(signal) if unseen else np.nan
     signal.ended_at = time
 
 
