@@ -1,5 +1,7 @@
 """Clearance against the path that the relative velocity makes: which of them contradicts?"""
 
+from math import exp
+
 import numpy as np
 
 from lfd_diagnosis.healthy_signal import (
@@ -65,6 +67,10 @@ STEPS = 2.5
 HEALTHY = 0.6
 """Share of the limit up to which what has passed is learnt as healthy."""
 
+CHOSEN = 0.35
+"""Steps of the clearance's resolution that a swap between two parts of a car hides: who chooses the
+nearest one chooses the one that just stepped nearer."""
+
 LONGER = 1.4
 """How many times more the two may come apart over two windows than over one."""
 
@@ -88,13 +94,15 @@ TRAVELLED_PATH = np.dtype(
         ("then", "f8"),
         ("clearance", "f8"),
         ("velocity", "f8"),
+        ("skipped", "f8"),
     ],
     align=True,
 )
 """What the clearance is off from the path travelled, over the last seconds.
 
 `points` are time (s), that difference (m), how far the velocity was off from its prediction
-(m/s), and the velocity (m/s). `reach`: seconds of path that tell who is wrong.
+(m/s), and the velocity (m/s). `reach`: seconds of path that tell who is wrong. `skipped`: steps
+between parts of a car that were left out of the last window.
 """
 
 DRIFT = np.dtype(
@@ -118,6 +126,7 @@ def clear_path(path):
     path.first = path.count = 0
     path.then = -np.inf
     path.clearance = path.velocity = np.nan
+    path.skipped = 0.0
 
 
 @inner
@@ -143,7 +152,8 @@ def path_length(path):
 def path_limit(path, settings, widening, resolution):
     """Drift in m beyond which the two contradict each other, the clearance in such steps."""
     least = max(settings.drift_limit, STEPS * resolution)
-    return widening * max(least, SIGMA * deviation(path.noise))
+    chosen = CHOSEN * resolution * path.skipped
+    return widening * max(least, SIGMA * deviation(path.noise)) + chosen
 
 
 @inner
@@ -172,6 +182,7 @@ def follow_path(path, settings, time, clearance, velocity, step):
         off, step = 0.0, 0.0
     else:
         off = _beside(path, time, clearance, velocity)
+        path.skipped *= exp(-(time - path.then) / settings.drift_window)
     if path.count == POINTS:
         path.first, path.count = _point(path, 1), path.count - 1
     new = _point(path, path.count)
@@ -188,6 +199,7 @@ def skip_path(path, time, clearance, velocity):
     """The scan to come at a time in s is of another part, or another car: what lies between the two
     is no drift, and the time between them tells nothing."""
     path.clearance = clearance - 0.5 * (velocity + path.velocity) * (time - path.then)
+    path.skipped += 1.0
     for i in range(path.count):
         path.points[_point(path, i), 0] += time - path.then
 
