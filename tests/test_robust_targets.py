@@ -645,3 +645,21 @@ def test_an_offset_that_is_believed_since_another_car_came_ends_when_it_jumps_ba
     start = car.number
     car.drive(1.0, clearance=off)
     assert car.faults_since(start) == {"clearance", "radar"}
+
+
+@pytest.mark.parametrize(("seed", "apart"), [(0, 0.0), (1, 0.0), (0, 0.1)])
+def test_the_nearest_of_two_coarse_parts_is_no_drift(seed: int, apart: float) -> None:
+    """Chosen is the one that just stepped nearer: whatever it says next lies farther off."""
+    car = Car()
+    car.random = np.random.default_rng(seed)
+    car.rounded["clearance"] = 0.25
+    car.drive(10.0)
+    start, chosen, car.velocity = car.number, 0, 2.0
+    for _ in range(1200):
+        if car.number % SCAN == 0:
+            noise = 0.2 * car.random.normal(size=2)
+            parts = np.round((car.clearance + np.array([0.0, apart]) + noise) / 0.25) * 0.25
+            chosen = chosen if parts[chosen] <= parts[1 - chosen] else 1 - chosen
+            said, car.track_id = float(parts[chosen]), 5 + chosen
+        car.step(clearance_is=said)
+    assert not car.faults_since(start)
