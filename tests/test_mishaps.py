@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
-from lfd_replay.evaluation.mishaps import MISHAPS, MOST, SILENCES, UNSEEN
+from lfd_replay.evaluation.mishaps import (
+    CHANGING_IDS,
+    IDS,
+    MISHAPS,
+    MOST,
+    PARTS,
+    SEEN,
+    SILENCES,
+    UNSEEN,
+)
 from lfd_replay.generated.generate import generate_drive
 
 SCAN = 0.05
@@ -87,3 +96,22 @@ def test_a_radar_that_repeats_itself_says_whole_messages_again(healthy) -> None:
                 before.clearance,
                 before.relative_velocity,
             )
+
+
+def test_a_radar_whose_ids_change_sees_parts_of_one_car(healthy) -> None:
+    made = having(CHANGING_IDS, healthy)
+    assert [(s.stamp, s.input) for s in made] == [(s.stamp, s.input) for s in healthy]
+    scans = [
+        (a, b) for a, b in zip(healthy, made, strict=True) if a.input == RADAR and a.has_target
+    ]
+    farther: dict[int, set[float]] = {}
+    for was, now in scans:
+        assert now.relative_velocity == was.relative_velocity
+        farther.setdefault(now.track_id, set()).add(round(now.clearance - was.clearance, 2))
+    assert len(farther) == IDS and -1 not in farther
+    for own in farther.values():
+        (beyond,) = own
+        assert PARTS[0] <= beyond <= PARTS[1]
+    assert max(runs([b for _, b in scans], lambda a, b: a.track_id == b.track_id)) >= 1
+    changes = sum(a.track_id != b.track_id for (_, a), (_, b) in pairwise(scans))
+    assert changes > len(scans) * SCAN / SEEN[1] / 2

@@ -1,5 +1,5 @@
-"""What happens to healthy sensors now and then: a radar loses its lead or repeats itself, and a
-sensor says nothing for a while. None of it is a fault of what they say."""
+"""What happens to healthy sensors now and then: a radar loses its lead, repeats itself or gives it
+another id, and a sensor says nothing for a while. None of it is a fault of what they say."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -18,6 +18,10 @@ UNSEEN = (0.2, 0.42)
 
 REPEATED, MOST = 0.01, 4
 """Share of scans after which a radar repeats itself, and how often at most."""
+
+IDS, PARTS, SEEN = 3, (0.0, 0.6), (0.05, 3.0)
+"""Ids that a radar gives in turn to the parts of one car, m by which these lie farther off, and
+seconds for which each is seen."""
 
 SILENCES = (0.1, 0.2, 0.4, 0.8, 1.5, 3.0, 6.0)
 """Seconds for which a sensor says nothing; one of them."""
@@ -62,6 +66,23 @@ def repeats_itself(samples: Sequence[Sample], generator: np.random.Generator) ->
     return made
 
 
+def changes_its_id(samples: Sequence[Sample], generator: np.random.Generator) -> list[Sample]:
+    """A radar sees now this, now that part of the car, each under an id of its own."""
+    made: list[Sample] = []
+    parts = np.round(generator.uniform(*PARTS, size=IDS), 2)
+    part, until = 0, samples[0].stamp
+    for sample in samples:
+        if isinstance(sample, RadarSample) and sample.has_target:
+            if sample.stamp >= until:
+                part = int(generator.integers(IDS))
+                until = sample.stamp + round(generator.uniform(*SEEN) * 1e9)
+            clearance = round(sample.clearance + float(parts[part]), 2)
+            track_id = IDS * (sample.track_id + 1) + part
+            sample = replace(sample, clearance=clearance, track_id=track_id)
+        made.append(sample)
+    return made
+
+
 def is_silent(samples: Sequence[Sample], generator: np.random.Generator, name: str) -> list[Sample]:
     """The sensor of that input says nothing now and then: dropouts, but none that anyone looks
     for."""
@@ -83,9 +104,12 @@ def _times(
     return times
 
 
+CHANGING_IDS = "a radar whose ids change"
+
 MISHAPS: dict[str, Callable[[Sequence[Sample], np.random.Generator], list[Sample]]] = {
     "a radar that loses its lead": loses_its_lead,
     "a radar that repeats itself": repeats_itself,
+    CHANGING_IDS: changes_its_id,
     "a silent radar": partial(is_silent, name=RADAR),
     "a silent accelerometer": partial(is_silent, name=ACCELERATION),
     "a silent host speed": partial(is_silent, name=HOST_SPEED),

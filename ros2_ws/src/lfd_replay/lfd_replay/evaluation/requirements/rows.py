@@ -6,7 +6,7 @@ from functools import partial
 
 from lfd_replay.evaluation.cases import RECORDED
 from lfd_replay.evaluation.fault_windows import LENGTH, PAPER, Values
-from lfd_replay.evaluation.mishaps import MISHAPS
+from lfd_replay.evaluation.mishaps import CHANGING_IDS, MISHAPS
 from lfd_replay.evaluation.random_sensors import RANDOM_SENSORS
 from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS, ROUGHER_SENSORS
 from lfd_replay.evaluation.recorded_tracks import (
@@ -138,6 +138,9 @@ def _real_leads(extent: Extent) -> Iterator[Row]:
             runs = plan.real(extent, kind, ((signal, value),), signed, length)
             as_elsewhere = partial(judges.judge_kind, as_elsewhere=judge)
             yield Row(f"real leads: {kind} {signal}", runs, as_elsewhere)
+            if kind == "ramp":
+                runs = [replace(run, mishap=CHANGING_IDS) for run in runs]
+                yield Row(f"real leads, ids change: {kind} {signal}", runs, as_elsewhere)
 
 
 def _views_of_the_recorded_car(extent: Extent) -> Iterator[Row]:
