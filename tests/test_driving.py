@@ -175,6 +175,15 @@ def test_a_stop_is_as_hard_as_was_decided(decided: float) -> None:
     assert state.command == pytest.approx(-decided, abs=1e-6)
 
 
+@pytest.mark.parametrize("decided", [1.5, CHOSEN.stopping_deceleration, 4.0])
+def test_a_stop_is_no_softer_once_the_decisions_fall_silent(decided: float) -> None:
+    driver = CarDriver(CHOSEN)
+    driver.decide(decision(10_000_000, Action.STOP, deceleration=decided))
+    for k in range(1, 600):
+        command = driver.drive(horizon(k * 10_000_000, measured_clearance=80.0)).command
+    assert command == pytest.approx(-max(decided, CHOSEN.stopping_deceleration), abs=1e-6)
+
+
 @pytest.mark.parametrize("action", [Action.STOP, Action.BRAKE])
 @pytest.mark.parametrize("told", [0.0, -1.0, float("inf"), float("nan")])
 def test_a_stop_that_would_stop_nothing_is_refused(action: Action, told: float) -> None:

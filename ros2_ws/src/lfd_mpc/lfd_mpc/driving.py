@@ -147,7 +147,8 @@ class CarDriver:
             self._undecided_since = None
             since, patience = decision.stamp, settings.decision_timeout
         age = (horizon.stamp - since) * 1e-9
-        if abs(age) - patience > 0.5 * STEP_S:
+        undecided = abs(age) - patience > 0.5 * STEP_S
+        if undecided:
             action, level = Action.STOP, 2
             reason = f"no decision for {age:.2f} s: the car is stopped"
             if age < 0.0:
@@ -175,7 +176,7 @@ class CarDriver:
         if isnan(speed) and not reason:
             reason = "the own speed is not known: the car does not speed up"
         own = acceleration, speed, speed_source == Source.MEASURED
-        wanted, jerk = self._wanted(horizon, action, known_lead, own, desired)
+        wanted, jerk = self._wanted(horizon, action, undecided, known_lead, own, desired)
         if self._holding and action != Action.BRAKE:
             wanted = HOLDING if isfinite(speed) and speed < STANDING else STOPPING
         self._command = self._gently(wanted, jerk)
@@ -252,19 +253,23 @@ class CarDriver:
         self,
         horizon: Horizon,
         action: Action,
+        undecided: bool,
         lead: Lead,
         own: tuple[float, float, bool],
         desired: float,
     ) -> tuple[float, float]:
         """Acceleration to go for in m/s^2, and the jerk that is allowed on the way.
 
-        `own`: the car's acceleration, its speed, and whether that is measured.
+        `undecided`: whether it is stopped because no decision came in time. `own`: the car's
+        acceleration, its speed, and whether that is measured.
         """
         settings, decision = self._settings, self._decision
         acceleration, speed, measured = own
         deceleration = settings.stopping_deceleration
         if decision is not None and decision.action in STOPS:
-            deceleration = decision.deceleration
+            decided = decision.deceleration
+            # The last word of a decision node that fell silent may be harder, not softer.
+            deceleration = max(deceleration, decided) if undecided else decided
         if action == Action.BRAKE:
             self._holding = isfinite(speed) and speed < STANDING
             return -deceleration, settings.emergency_jerk
