@@ -8,7 +8,7 @@ README = (ROOT / "README.md").read_text()
 RESULTS = (ROOT / "docs/robust-results.md").read_text()
 
 
-def test_false_events_are_those_of_the_results():
+def test_false_events_are_those_of_the_results() -> None:
     """A count of the paper profile, which stands in brackets there, tells which figure is meant."""
     rows = re.findall(r"^\| false events on .*\|$", README, re.MULTILINE)
     assert len(rows) > 5
@@ -29,7 +29,7 @@ def test_false_events_are_those_of_the_results():
             assert here in {int(number or 0) for number in said}, (row, there)
 
 
-def test_files_that_import_ros_are_named():
+def test_files_that_import_ros_are_named() -> None:
     """The layout names every module that is not plain; nodes are told by their names."""
     layout = README.partition("## Layout")[2]
     ros = re.compile(

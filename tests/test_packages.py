@@ -65,7 +65,7 @@ def required() -> set[str]:
 
 
 @pytest.mark.parametrize("folder", PYTHON_PACKAGES, ids=lambda folder: folder.name)
-def test_what_is_imported_is_declared_and_nothing_else_is(folder):
+def test_what_is_imported_is_declared_and_nothing_else_is(folder: Path) -> None:
     ros = {path.name for path in PACKAGES} | {"launch", "launch_ros", "rclpy", "ament_index_python"}
     manifest = ElementTree.parse(folder / "package.xml").getroot()
     declared = [element.text for element in manifest if element.tag.endswith("depend")]
@@ -81,7 +81,7 @@ def test_what_is_imported_is_declared_and_nothing_else_is(folder):
     assert set(declared) == needed
 
 
-def test_what_the_messages_are_made_of_is_declared():
+def test_what_the_messages_are_made_of_is_declared() -> None:
     folder = ROOT / "ros2_ws/src/lfd_msgs"
     interfaces = sorted([*folder.glob("msg/*.msg"), *folder.glob("srv/*.srv")])
     used = {
@@ -98,7 +98,7 @@ def test_what_the_messages_are_made_of_is_declared():
 
 
 @pytest.mark.parametrize("folder", PYTHON_PACKAGES, ids=lambda folder: folder.name)
-def test_manifest_and_setup_say_the_same(folder):
+def test_manifest_and_setup_say_the_same(folder: Path) -> None:
     manifest = ElementTree.parse(folder / "package.xml").getroot()
     (call,) = (
         node
@@ -112,7 +112,7 @@ def test_manifest_and_setup_say_the_same(folder):
     assert ast.literal_eval(said["maintainer_email"]) == email
 
 
-def test_every_library_that_is_imported_is_required():
+def test_every_library_that_is_imported_is_required() -> None:
     ours = {path.name for path in PACKAGES}
     ours |= {
         file.stem for folder in ("tests", "benchmarks") for file in (ROOT / folder).glob("*.py")
