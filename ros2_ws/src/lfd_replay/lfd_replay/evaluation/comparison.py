@@ -39,10 +39,10 @@ Array = NDArray[np.float64]
 AS_PUBLISHED = "paper, as published"
 
 SMOOTH_RADAR: dict[str, float] = {
-    "clearance_floor": 0.3,
+    "clearance_floor": 0.2,
     "relative_velocity_floor": 0.1,
     "largest_shift": 0.0,
-    "jerk_density": 0.5,
+    "jerk_density": 0.3,
 }
 """What the robust profile is set to where radars never step from one part of a car to another and
 leads drive calmly, as generated ones do: no false event on the normal drives of even seeds."""
