@@ -142,7 +142,7 @@ def against_lead(monitor, settings, relative_velocity, lead_report):
     """Without the host's speed: against its own past, the observers and the lead's word."""
     check = monitor.check
     if monitor.faulty:
-        _still_off_lead(monitor, settings, lead_report)
+        _follow_fault(monitor, settings, lead_report)
         return
     check.ground = Ground.NONE
     if not (monitor.confidence or monitor.jumped_for):
@@ -306,7 +306,7 @@ def _was_seen_better(monitor, lead_report):
 
 
 @inner
-def _still_off_lead(monitor, settings, lead_report):
+def _follow_fault(monitor, settings, lead_report):
     """A faulty signal against the lead, who goes back to driving as most do."""
     trusted = is_trusted(lead_report, settings)
     mean = settings.lead_acceleration_mean

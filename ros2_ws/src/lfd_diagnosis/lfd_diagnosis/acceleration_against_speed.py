@@ -53,7 +53,7 @@ from lfd_diagnosis.host_speed import (
     speed_seems_held,
     tells_of_bends,
 )
-from lfd_diagnosis.road_bend import follow_bend, has_bent, slope_now
+from lfd_diagnosis.road_bend import follow_bend, has_bent, leave_bend, slope_now
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S, share_of
@@ -147,7 +147,7 @@ def against_speed(monitor, settings):
     if monitor.faulty:
         if repeats(monitor.kind):
             doubt_slope(monitor, STILL_KNOWN)
-        _still_off(monitor, settings, off)
+        _follow_fault(monitor, settings, off)
         return
     if isnan(monitor.baseline):
         monitor.baseline = monitor.slope if monitor.slope_known > 0.0 else off
@@ -204,6 +204,7 @@ def _follow_road(monitor, settings, off):
         monitor.baseline += bent
         for i in range(monitor.recent.count):
             monitor.recent.values[i] += bent
+    leave_bend(bend)
 
 
 @inner
@@ -355,7 +356,7 @@ def _follow_baseline(monitor, settings, off):
 
 
 @inner
-def _still_off(monitor, settings, off):
+def _follow_fault(monitor, settings, off):
     """A faulty signal against what the difference was before the fault."""
     residual = off - monitor.reference
     monitor.felt = off if isnan(monitor.felt) else monitor.felt + FELT_SHARE * (off - monitor.felt)

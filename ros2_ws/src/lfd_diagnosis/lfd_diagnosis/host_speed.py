@@ -238,16 +238,22 @@ def seldom_heard(speed):
 
 
 @inner
-def _is_held(speed):
-    """Whether it stays the same though the car moves, and had reason to change."""
-    slow = abs(speed.last) <= SLOW
+def _should_have_changed(speed):
+    """Whether a speed that stays the same though the car moves had reason to change."""
     missed = max(MISSED, MISSED_STEPS * resolution_of(speed.roughness))
-    if slow:
+    if abs(speed.last) <= SLOW:
         missed = MISSED_SLOW
     missed += SLOPE_DOUBT * max(speed.held_for - 1.0, 0.0)
-    changed = abs(speed.missed) > missed and not seems_to_stand(speed)
+    return abs(speed.missed) > missed and not seems_to_stand(speed)
+
+
+@inner
+def _look_for_hold(speed):
+    """Take note of whether it had reason to change; whether it is held."""
+    changed = _should_have_changed(speed)
     note_change(speed.repetition, changed)
-    return (changed or not slow) and is_frozen(speed.repetition, changed)
+    tells = changed or not abs(speed.last) <= SLOW
+    return tells and is_frozen(speed.repetition, changed)
 
 
 @inner
@@ -353,7 +359,7 @@ def follow_speed(speed, settings, now, at, value, acceleration, shaken):
     if is_new(at, speed.seen_at):
         again = _says_again(speed, at, value)
         speed.seen_at = at
-        if not (again or _is_doubtful(speed, at, value, acceleration)):
+        if not (again or _doubt_jump(speed, at, value, acceleration)):
             _take(speed, settings, at, value, acceleration, shaken)
     if speed.faulty:
         _stop_following(speed)
@@ -383,9 +389,9 @@ def _says_again(speed, at, value):
 
 
 @inner
-def _is_doubtful(speed, at, value, acceleration):
-    """Whether a sample jumps alone so far: the next one tells whether it was an outlier; those of a
-    wheel that was shaken just now may swing for a moment."""
+def _doubt_jump(speed, at, value, acceleration):
+    """Take note of a sample that jumps; whether it does so alone so far: the next one tells whether
+    it was an outlier; those of a wheel that was shaken just now may swing for a moment."""
     begins = speed.faulty or isnan(speed.doubt)
     if begins:
         speed.doubted_at, speed.doubt = at, np.nan
@@ -469,7 +475,7 @@ def _take(speed, settings, at, value, acceleration, shaken):
     speed.derivative_then = speed.derivative
     rough = is_rough(speed.roughness)
     speed.rough_for = speed.rough_for + period if rough else 0.0
-    if settings.check_repetition and _is_held(speed):
+    if settings.check_repetition and _look_for_hold(speed):
         run = speed.repetition.run + 1
         _convict(speed, Kind.HOLD, np.nan, Ground.SPEED_HELD, value, run, 0.0)
     elif settings.check_roughness and speed.rough_for >= ROUGH_TIME and not shaken:

@@ -86,10 +86,10 @@ def _restart_leap(leap, clearance):
 
 
 @inner
-def is_new_target(leap, clearance, noise, resolution, velocity_jumped):
-    """Whether what jumped is another target, or `waits`.
+def judge_leap(leap, clearance, noise, resolution, velocity_jumped):
+    """Decide what jumped: true for another target; where that is in doubt the leap `waits`.
 
-    Clearance (m), the deviation of its noise and its resolution; whether the relative velocity has
+    Clearance, the deviation of its noise and its resolution in m; whether the relative velocity has
     left its limits, too. A clearance of exactly zero is no target.
     """
     leap.waits = leap.far and leap.then - leap.since < LONGEST

@@ -80,11 +80,11 @@ from lfd_diagnosis.radar_target import (
     begin_another,
     begin_target,
     change_target,
-    has_leapt,
-    is_another,
     is_another_in_part,
     is_settling,
     keeps_target,
+    look_for_new_target,
+    sort_out_target,
 )
 from lfd_diagnosis.travelled_path import (
     LARGEST_GAP,
@@ -277,7 +277,7 @@ def _scan(radar, settings, track_id):
     elif not whole and is_another_in_part(radar, settings, track_id):
         change_target(radar, max(radar.clearance.last_at, radar.velocity.last_at))
         start_target(radar, settings)
-    elif not (whole and is_another(radar, settings, track_id)):
+    elif not (whole and sort_out_target(radar, settings, track_id)):
         if track_id != UNKNOWN_TRACK:
             radar.id = track_id
         radar.scans += 1
@@ -324,9 +324,10 @@ def _hold_scan(radar, settings, age, repeated):
 
 
 @inner
-def _was_last_alone(radar, settings, age):
-    """Whether a scan that disagrees goes on from before the last one: then that one alone was off,
-    by less than the limits, and is not believed any more."""
+def _try_without_last(radar, settings, age):
+    """Take the track as it was before the last scan to now; whether a scan that disagrees goes on
+    from there: then the last one alone was off, by less than the limits, and is not believed any
+    more."""
     clearance, velocity, before = radar.clearance, radar.velocity, radar.before
     if is_radar_faulty(radar) or not (is_bad(clearance) or is_bad(velocity)):
         return False
@@ -382,7 +383,7 @@ def _judge(radar, settings, repeated):
     if has_velocity:
         age = max(age, measured_velocity.age)
     _hold_scan(radar, settings, age, repeated)
-    if not repeated and has_clearance and has_velocity and _was_last_alone(radar, settings, age):
+    if not repeated and has_clearance and has_velocity and _try_without_last(radar, settings, age):
         radar.track = radar.before
         for signal in (clearance, velocity):
             signal.outliers += is_bad(signal)
@@ -392,7 +393,7 @@ def _judge(radar, settings, repeated):
     if has_clearance and has_velocity and is_settling(radar):
         begin_target(radar, settings, radar.id)
         return
-    if not repeated and has_leapt(radar):
+    if not repeated and look_for_new_target(radar):
         begin_another(radar, settings, radar.id)
         return
     clearance_was_faulty, velocity_was_faulty = clearance.faulty, velocity.faulty

@@ -16,11 +16,11 @@ from lfd_diagnosis.radar_signal import (
     has_not_jumped_back,
     has_stopped,
     is_bad,
+    look_for_return,
     lose_reference,
     may_have_shifted,
     note_end,
     restart_agreement,
-    returned_to,
     shows_itself,
     size_to_tell,
     still_shows,
@@ -111,7 +111,7 @@ def _rebase_where_undone(radar, settings, signal, measured, of_clearance, repeat
         rebase(track, signal, measured.value, of_clearance)
     elif not signal.lost:
         said = signal.residual if of_clearance else measured.value
-        level, rise = returned_to(signal, said, repeated)
+        level, rise = look_for_return(signal, said, repeated)
         if isfinite(level):
             rebase(track, signal, measured.value - signal.residual + level, of_clearance)
             if not of_clearance:

@@ -455,11 +455,13 @@ def _began_with(signal):
 
 
 @inner
-def returned_to(signal, said, repeated):
-    """Where it is now, off its reference, if the jump that made the fault was undone, whatever
-    became of the reference, and how much it rose before from scan to scan; NaN if not: some scans
-    lie as far off those before as the first ones did, the other way. Their median: the newest may
-    be an outlier."""
+def look_for_return(signal, said, repeated):
+    """Take note of a scan, and of whether the jump that made the fault was undone, whatever became
+    of the reference: some scans lie as far off those before as the first ones did, the other way.
+
+    Returns where it is now, off its reference, and how much it rose before from scan to scan; NaN
+    if it did not return. Of the scans the median: the newest may be an outlier.
+    """
     if signal.kind != Kind.OFFSET:
         return np.nan, np.nan
     recent = signal.recent

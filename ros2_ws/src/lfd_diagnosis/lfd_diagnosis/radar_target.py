@@ -18,7 +18,7 @@ from lfd_diagnosis.lead_track import (
     start_track,
     velocity_then,
 )
-from lfd_diagnosis.new_target import follow_leap, forget_leap, is_far, is_new_target
+from lfd_diagnosis.new_target import follow_leap, forget_leap, is_far, judge_leap
 from lfd_diagnosis.radar_signal import (
     agrees_by_now,
     begin_to_judge,
@@ -195,7 +195,7 @@ def _has_another_id(radar, track_id):
 
 
 @inner
-def is_another(radar, settings, track_id):
+def sort_out_target(radar, settings, track_id):
     """Sort out a new track id, or a silence; whether a new target was begun."""
     at = radar.measured_clearance.at
     gap = at - max(radar.clearance.last_at, radar.velocity.last_at)
@@ -212,7 +212,7 @@ def is_another(radar, settings, track_id):
     radar.followed = min(max(followed, 0), MOST_FOLLOWED)
     if goes_on and not unseen:
         return False
-    if settings.same_car and _knows(radar, settings, track_id, changed):
+    if settings.same_car and _recognise(radar, settings, track_id, changed):
         if goes_on:
             return False
         if radar.path.count:
@@ -227,7 +227,8 @@ def is_another(radar, settings, track_id):
 
 @inner
 def is_another_in_part(radar, settings, track_id):
-    """The same for a scan of which one signal alone is there: nothing can be begun with that."""
+    """Whether a scan of which one signal alone is there is another target's: nothing can be begun
+    with that."""
     track, clearance, velocity = radar.track, radar.measured_clearance, radar.measured_velocity
     limits, relative = limits_about(radar, settings), track.acceleration - radar.host
     if clearance.new:
@@ -296,8 +297,9 @@ def _recall(radar, settings, track_id, at):
 
 
 @inner
-def _knows(radar, settings, track_id, changed):
-    """Whether a target under another id, or after a silence, is a car that is known."""
+def _recognise(radar, settings, track_id, changed):
+    """Go on with a target that is under another id, or came after a silence, where it is a car that
+    is known; whether it is."""
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
     faulty = is_radar_faulty(radar)
     if changed and not faulty:
@@ -331,8 +333,8 @@ def is_settling(radar):
 
 
 @inner
-def has_leapt(radar):
-    """Whether the radar sees another target under the same id."""
+def look_for_new_target(radar):
+    """Follow what jumped; whether the radar sees another target under the same id."""
     clearance, velocity = radar.clearance, radar.velocity
     measured_clearance, measured_velocity = radar.measured_clearance, radar.measured_velocity
     whole = measured_clearance.new and measured_velocity.new
@@ -350,7 +352,7 @@ def has_leapt(radar):
         deviation_about(velocity, radar.track.vv),
         abs(radar.host_speed + measured_velocity.value) < STANDS * radar.host_speed,
     )
-    return is_new_target(
+    return judge_leap(
         radar.leap,
         measured_clearance.value,
         deviation(clearance.noise),

@@ -116,8 +116,20 @@ def has_bent(bend):
         return False
     if bend.since == 1:
         return bend.bent >= SURE
+    return _goes_straight_on(bend)
+
+
+@inner
+def _goes_straight_on(bend):
+    """Whether the road has not bent any more for long enough since it did."""
     changed = slope_now(bend) - mean_of(bend.differences, 0, MEAN)
-    flat = bend.since > LEAST and abs(changed) < FLAT and _is_steady(bend, bend.bent + DRIFT)
-    if flat or bend.since > REST:
+    return bend.since > LEAST and abs(changed) < FLAT and _is_steady(bend, bend.bent + DRIFT)
+
+
+@inner
+def leave_bend(bend):
+    """Forget a bend that is over, and one after which too much came to tell what it was."""
+    if bend.steps % EVERY or bend.since <= 1:
+        return
+    if bend.since > REST or _goes_straight_on(bend):
         bend.since, bend.bent = 0, 0.0
-    return flat
