@@ -132,8 +132,11 @@ SECOND_DIFFERENCES = 6.0
 UNHEARD = 0.5
 """Seconds of silence after which a car may accelerate as it likes."""
 
-HOST_KEEP = exp(-STEP_S / 2.0)
-"""What is left after a step of an acceleration of the host that nothing tells any more."""
+HOST_FADES = 2.0
+"""Time constant in s with which an acceleration of the host fades that nothing tells any more."""
+
+HOST_KEEP = exp(-STEP_S / HOST_FADES)
+"""What is left of it after a step."""
 
 
 @inner
@@ -285,7 +288,6 @@ def judge_acceleration(
     monitor, settings, horizon, relative_acceleration, relative_velocity, lead_report
 ):
     """Judge the step; m/s^2 and m/s of the lead, NaN where the radar tells nothing."""
-    check, speed = monitor.check, monitor.speed
     if horizon.acceleration_stale:
         _judge_nothing(monitor, KNOWN_AFTER_SILENCE)
         monitor.silent_for += STEP_S
@@ -296,8 +298,34 @@ def judge_acceleration(
     rests = is_resting(relative_velocity)
     monitor.lead_rests_for = monitor.lead_rests_for + STEP_S if rests else 0.0
     follow_lead(monitor, relative_acceleration)
-    usable = is_usable(speed, settings)
+    usable = is_usable(monitor.speed, settings)
     monitor.must_agree = settings.clear_time
+    _hold_against_evidence(monitor, settings, usable, relative_velocity, lead_report)
+    exceeded = is_exceeded(monitor.check)
+    _count(monitor, settings, exceeded)
+    frozen = _look_for_hold(monitor, settings, usable, relative_velocity)
+    rough = settings.check_roughness and _seems_rough(monitor, usable)
+    if frozen and (not monitor.faulty or is_gauged(monitor.kind)):
+        _convict_held(monitor, settings, horizon.measured_acceleration)
+    elif monitor.faulty:
+        # What was held is, whatever told of it, until it changes.
+        held = repeats(monitor.kind) and monitor.repetition.run >= monitor.repetition.least
+        still = settings.check_repetition and (held or is_frozen(monitor.repetition, True))
+        _requalify(monitor, settings, exceeded or still or frozen or rough)
+    elif rough:
+        share = rough_share(monitor.roughness)
+        _convict(monitor, settings, Kind.NOISE, Ground.ROUGHNESS, share, 0.0)
+    elif exceeded and _is_beyond_doubt(monitor, settings):
+        if _ends_the_last(monitor, settings) or _leads_back(monitor, settings):
+            _end_the_last(monitor)
+        else:
+            check = monitor.check
+            _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
+
+
+@inner
+def _hold_against_evidence(monitor, settings, usable, relative_velocity, lead_report):
+    """Make the step's check: by the host's speed where that is `usable`, else by the lead."""
     if usable:
         # The speed tells what jumped.
         monitor.jumped_for = 0
@@ -309,49 +337,48 @@ def judge_acceleration(
         monitor.felt = np.nan
         _lose_slope(monitor, STILL_KNOWN)
         against_lead(monitor, settings, relative_velocity, lead_report)
-    exceeded = is_exceeded(check)
-    _count(monitor, settings, exceeded)
+
+
+@inner
+def _look_for_hold(monitor, settings, usable, relative_velocity):
+    """Take note of whether the newest sample had reason to differ; whether it is held."""
     should_change = _should_have_changed(monitor, settings, usable, relative_velocity)
     if monitor.fresh:
         note_change(monitor.repetition, should_change)
     # Where noise changes it all the time, a car that moves makes it repeat nothing for long.
     unchanged = times_unchanged(monitor.repetition, UNCHANGED_NOISY)
-    frozen = (
+    return (
         settings.check_repetition
         and is_frozen_for(monitor.repetition, should_change, unchanged)
         # A car that may stand repeats itself for as long as it stands.
-        and (not is_standing(speed) if usable else should_change)
+        and (not is_standing(monitor.speed) if usable else should_change)
     )
-    rough = settings.check_roughness and _seems_rough(monitor, usable)
-    held = frozen and (not monitor.faulty or is_gauged(monitor.kind))
-    if held:
-        if monitor.faulty:
-            # What looked like an offset was where it stopped.
-            monitor.reference = monitor.slope_before
-        kind = Kind.ZERO if horizon.measured_acceleration == 0.0 else Kind.HOLD
-        run = monitor.repetition.run + 1
-        _convict(monitor, settings, kind, Ground.REPETITION, run, 0.0)
-    elif monitor.faulty:
-        # What was held is, whatever told of it, until it changes.
-        held = repeats(monitor.kind) and monitor.repetition.run >= monitor.repetition.least
-        still = settings.check_repetition and (held or is_frozen(monitor.repetition, True))
-        _requalify(monitor, settings, exceeded or still or frozen or rough)
-    elif rough:
-        share = rough_share(monitor.roughness)
-        _convict(monitor, settings, Kind.NOISE, Ground.ROUGHNESS, share, 0.0)
-    elif (
-        exceeded
-        and monitor.confidence >= settings.acceleration_steps
+
+
+@inner
+def _convict_held(monitor, settings, value):
+    """It says the same `value` (m/s^2) again and again."""
+    if monitor.faulty:
+        # What looked like an offset was where it stopped.
+        monitor.reference = monitor.slope_before
+    kind = Kind.ZERO if value == 0.0 else Kind.HOLD
+    _convict(monitor, settings, kind, Ground.REPETITION, monitor.repetition.run + 1, 0.0)
+
+
+@inner
+def _is_beyond_doubt(monitor, settings):
+    """Whether what disagrees surely does: for long enough, and by itself, while nothing else may be
+    wrong."""
+    return (
+        monitor.confidence >= settings.acceleration_steps
         # One sample alone may be an outlier, however many steps hold it.
         and monitor.new_samples >= 2
         and _newest_disagrees(monitor)
         and _outlasts_a_bump(monitor)
-        and not (check.ground == Ground.HOST_SPEED and speed_may_be_wrong(monitor, settings))
-    ):
-        if _ends_the_last(monitor, settings) or _leads_back(monitor, settings):
-            _end_the_last(monitor)
-        else:
-            _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
+        and not (
+            monitor.check.ground == Ground.HOST_SPEED and speed_may_be_wrong(monitor, settings)
+        )
+    )
 
 
 @inner

@@ -101,6 +101,10 @@ ROUGH_TIME, ROUGH_TIME_ALONE = 0.3, 1.5
 SETTLING = 3.0
 """Filter times after which the derivative counts."""
 
+LONGEST_FELT = 1.0
+"""Seconds since the sample before that count at most: how the host accelerates at the newest one
+says nothing of a longer time."""
+
 JERK_SHARE = share_of(JERK_FILTER)
 
 JERK_FADES = share_of(0.1)
@@ -395,7 +399,7 @@ def _doubt_jump(speed, at, value, acceleration):
     begins = speed.faulty or isnan(speed.doubt)
     if begins:
         speed.doubted_at, speed.doubt = at, np.nan
-    period = min(at - speed.last_at, 1.0)
+    period = min(at - speed.last_at, LONGEST_FELT)
     jump = _jump(speed, value, period, acceleration)
     speed.possible = _possible_jump(speed, period, jump)
     if speed.faulty:
@@ -438,41 +442,63 @@ def _possible_bend(period, acceleration, before):
 
 @inner
 def _take(speed, settings, at, value, acceleration, shaken):
-    healthy, moves = not speed.faulty, not seems_to_stand(speed)
-    period = min(at - speed.last_at, 1.0)
+    """Take a sample (m/s) of time `at` (s) that is no outlier, the host accelerating as stated
+    (m/s^2): learn from it, and judge the sensor by it."""
+    period = min(at - speed.last_at, LONGEST_FELT)
     possible = _possible_bend(period, acceleration, speed.felt)
     speed.felt = acceleration
-    take_roughness(speed.roughness, at, value, healthy and moves, possible)
+    learn = not (speed.faulty or seems_to_stand(speed))
+    take_roughness(speed.roughness, at, value, learn, possible)
     if seems_to_stand(speed):
         excuse_repetition(speed.repetition, speed.faulty)
     beyond_chance = is_beyond_chance(speed.repetition, speed.same)
     was_held = beyond_chance or _makes_up(speed, value, period, acceleration)
+    _follow_repetition(speed, at, value, period, acceleration)
+    if isfinite(speed.last):
+        _follow_jumps(speed, settings, value, period, acceleration, was_held)
+    speed.last, speed.last_at = value, at
+    speed.derivative_then = speed.derivative
+    _look_for_faults(speed, settings, value, period, shaken)
+    _requalify(speed, settings, value)
+
+
+@inner
+def _follow_repetition(speed, at, value, period, acceleration):
+    """For how long it has said the same, and what it missed since then."""
     speed.same = speed.same + 1 if value == speed.last else 0
-    equal = take_repetition(speed.repetition, value, healthy)
+    equal = take_repetition(speed.repetition, value, not speed.faulty)
     if not equal:
         speed.derivative_when_held = speed.derivative
         _learn_refresh(speed, at, value)
     speed.missed = speed.missed + acceleration * period if equal else 0.0
     speed.held_for = speed.held_for + period if equal else 0.0
-    if isfinite(speed.last):
-        if _rests_with_a_jerk(speed, value):
-            _stop_following(speed)
-            speed.followed = -JERK_TIME
-        elif _starts_or_stops(speed, value):
-            restart_roughness(speed.roughness)
-            _stop_following(speed)
-            if value == 0.0:
-                speed.followed = -DEAD_TIME
-        else:
-            leap = abs(value - speed.last - speed.derivative_then * period)
-            if leap > RATTLE * deviation(speed.noise):
-                speed.calm_for = 0
-                if was_held and settings.check_repetition:
-                    # What it jumps by is what it missed.
-                    _stop_following(speed)
-            _check_jump(speed, value, period, acceleration, was_held)
-    speed.last, speed.last_at = value, at
-    speed.derivative_then = speed.derivative
+
+
+@inner
+def _follow_jumps(speed, settings, value, period, acceleration, was_held):
+    """What jumps as a car comes to rest, or sets off, begins the derivative anew; what else jumps
+    shakes the wheel, or is a fault."""
+    if _rests_with_a_jerk(speed, value):
+        _stop_following(speed)
+        speed.followed = -JERK_TIME
+    elif _starts_or_stops(speed, value):
+        restart_roughness(speed.roughness)
+        _stop_following(speed)
+        if value == 0.0:
+            speed.followed = -DEAD_TIME
+    else:
+        leap = abs(value - speed.last - speed.derivative_then * period)
+        if leap > RATTLE * deviation(speed.noise):
+            speed.calm_for = 0
+            if was_held and settings.check_repetition:
+                # What it jumps by is what it missed.
+                _stop_following(speed)
+        _check_jump(speed, value, period, acceleration, was_held)
+
+
+@inner
+def _look_for_faults(speed, settings, value, period, shaken):
+    """Whether it is held or rough; for how long it is neither."""
     rough = is_rough(speed.roughness)
     speed.rough_for = speed.rough_for + period if rough else 0.0
     if settings.check_repetition and _look_for_hold(speed):
@@ -487,6 +513,11 @@ def _take(speed, settings, at, value, acceleration, shaken):
             _stop_following(speed)
     else:
         speed.quiet += period
+
+
+@inner
+def _requalify(speed, settings, value):
+    """A fault is over after a while of nothing odd."""
     # A speed that jumped and goes on smoothly is as good for its derivative, but who knows; one
     # that was held is over with it when it moves.
     held = repeats(speed.kind)

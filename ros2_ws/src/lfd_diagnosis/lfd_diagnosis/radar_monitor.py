@@ -376,21 +376,21 @@ def _judge(radar, settings, repeated):
     """Hold a scan against the track, then teach the track what is good of it."""
     track, clearance, velocity = radar.track, radar.clearance, radar.velocity
     measured_clearance, measured_velocity = radar.measured_clearance, radar.measured_velocity
-    has_clearance, has_velocity = measured_clearance.new, measured_velocity.new
+    whole = measured_clearance.new and measured_velocity.new
     age = 0.0
-    if has_clearance:
+    if measured_clearance.new:
         age = measured_clearance.age
-    if has_velocity:
+    if measured_velocity.new:
         age = max(age, measured_velocity.age)
     _hold_scan(radar, settings, age, repeated)
-    if not repeated and has_clearance and has_velocity and _try_without_last(radar, settings, age):
+    if not repeated and whole and _try_without_last(radar, settings, age):
         radar.track = radar.before
         for signal in (clearance, velocity):
             signal.outliers += is_bad(signal)
         _hold_scan(radar, settings, age, repeated)
     relative = track.acceleration - radar.host
     clearance_variance, velocity_variance = track.cc, track.vv
-    if has_clearance and has_velocity and is_settling(radar):
+    if whole and is_settling(radar):
         begin_target(radar, settings, radar.id)
         return
     if not repeated and look_for_new_target(radar):
@@ -399,47 +399,78 @@ def _judge(radar, settings, repeated):
     clearance_was_faulty, velocity_was_faulty = clearance.faulty, velocity.faulty
     _judge_signal(radar, settings, clearance, measured_clearance, True, repeated)
     _judge_signal(radar, settings, velocity, measured_velocity, False, repeated)
+    _doubt_what_was_taught(radar, settings, age, clearance_was_faulty, velocity_was_faulty)
+    if repeated:
+        return
+    radar.before, radar.before_at = track, measured_clearance.at + measured_clearance.age
+    _learn_of_scan(radar, settings, clearance_variance, velocity_variance)
+    _teach_track(radar, settings, age, relative, velocity_was_faulty)
+    if not whole:
+        return
+    if not is_radar_faulty(radar):
+        _follow_path(radar, settings)
+    elif clearance.faulty:
+        look_for_agreement(radar, settings)
+
+
+@inner
+def _doubt_what_was_taught(radar, settings, age, clearance_was_faulty, velocity_was_faulty):
+    """A relative velocity whose fault is found was wrong before: undo what the track learnt of it
+    while it was held, and believe the lead to go on as it did in the mean."""
+    clearance, velocity = radar.clearance, radar.velocity
     begins = velocity.faulty and not velocity_was_faulty
     held = repeats(velocity.kind)
     both = repeats(clearance.kind) and not clearance_was_faulty
     if held and (begins or both):
         take_back_held(radar, settings, age)
     if begins or (held and both):
-        believe(track, 2.0 * radar.slow_acceleration - radar.slower_acceleration, SLOW_STD)
-    if repeated:
+        believe(radar.track, 2.0 * radar.slow_acceleration - radar.slower_acceleration, SLOW_STD)
+
+
+@inner
+def _is_good(signal):
+    """Whether the newest scan of a signal may teach anything."""
+    return not signal.faulty and not is_bad(signal)
+
+
+@inner
+def _learn_of_scan(radar, settings, clearance_variance, velocity_variance):
+    """Learn each signal's noise from a scan all of which is good; the variances (m^2, m^2/s^2) are
+    the track's before that scan."""
+    clearance, velocity = radar.clearance, radar.velocity
+    has_clearance, has_velocity = radar.measured_clearance.new, radar.measured_velocity.new
+    if (has_clearance and not _is_good(clearance)) or (has_velocity and not _is_good(velocity)):
         return
-    radar.before, radar.before_at = track, measured_clearance.at + measured_clearance.age
-    good_clearance = not clearance.faulty and not is_bad(clearance)
-    good_velocity = not velocity.faulty and not is_bad(velocity)
-    if (good_clearance or not has_clearance) and (good_velocity or not has_velocity):
-        if has_clearance:
-            # What it lies beside the track for good is no noise: that would widen the limits and
-            # leave the track to the relative velocity alone, which takes it further away.
-            _learn(clearance, settings, clearance.residual - clearance.bias, clearance_variance)
-        if has_velocity:
-            _learn(velocity, settings, velocity.residual, velocity_variance)
-    if has_clearance and good_clearance:
+    if has_clearance:
+        # What it lies beside the track for good is no noise: that would widen the limits and
+        # leave the track to the relative velocity alone, which takes it further away.
+        _learn(clearance, settings, clearance.residual - clearance.bias, clearance_variance)
+    if has_velocity:
+        _learn(velocity, settings, velocity.residual, velocity_variance)
+
+
+@inner
+def _teach_track(radar, settings, age, relative, velocity_was_faulty):
+    """Correct the track by what is good of a scan of `age` s; `relative`: the lead's acceleration
+    less the host's (m/s^2) before that."""
+    track, clearance, velocity = radar.track, radar.clearance, radar.velocity
+    takes_clearance = radar.measured_clearance.new and _is_good(clearance)
+    if takes_clearance:
         variance = clearance.noise.variance
         if velocity.faulty:
             variance += WANDERING * wander_of(radar, settings)
         correct_clearance(track, clearance.residual, variance)
-    if has_velocity and good_velocity:
+    if radar.measured_velocity.new and _is_good(velocity):
         then = velocity_then(track, age, track.acceleration - radar.host)
         before = track.clearance
-        correct_velocity(track, measured_velocity.value - then, velocity.noise.variance)
+        correct_velocity(track, radar.measured_velocity.value - then, velocity.noise.variance)
         if velocity_was_faulty and clearance.faulty:
             # The first scan that is believed again.
             move_reference(clearance, track.clearance - before)
-    if has_clearance and good_clearance and not is_radar_faulty(radar):
-        beside = measured_clearance.value - clearance_then(track, age, relative)
+    if takes_clearance and not is_radar_faulty(radar):
+        beside = radar.measured_clearance.value - clearance_then(track, age, relative)
         clearance.bias += (beside - clearance.bias) / BIAS_SCANS
         radar.beside += BESIDE_SHARE * (beside - radar.beside)
-    if not (has_clearance and has_velocity):
-        return
-    if not is_radar_faulty(radar):
-        _follow_path(radar, settings)
-    elif clearance.faulty:
-        look_for_agreement(radar, settings)
 
 
 @inner

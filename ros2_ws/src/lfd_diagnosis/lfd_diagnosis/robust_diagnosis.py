@@ -243,11 +243,16 @@ def _silent_kind(heard):
 
 
 @inner
-def _judge_signal(
-    radar, settings, horizon, signal, variance, measured, stale, age, heard, evidence, verdict
-):
+def _judge_signal(radar, settings, horizon, of_clearance, heard, verdict):
+    """What is said of one of the radar's signals, which was `heard` before, or never."""
     state, kind, index = State.NOT_READY, Kind.UNKNOWN.value, np.nan
     size = size_std = np.nan
+    if of_clearance:
+        signal, variance = radar.clearance, radar.track.cc
+        measured, stale = horizon.measured_clearance, horizon.clearance_stale
+    else:
+        signal, variance = radar.velocity, radar.track.vv
+        measured, stale = horizon.measured_relative_velocity, horizon.relative_velocity_stale
     if stale:
         state, kind = State.NO_DATA, _silent_kind(heard)
     elif not (horizon.has_target or (signal.faulty and radar.has_track)):
@@ -262,6 +267,11 @@ def _judge_signal(
         index = index_of(signal)
     threshold = settings.scan_confidence_threshold
     _say(verdict, state, kind, index, signal.confidence, threshold, size, size_std)
+
+
+@inner
+def _give_evidence(evidence, settings, signal, age):
+    """What reasons about one of the radar's signals, `age` s old, are made of."""
     evidence.residual, evidence.limit, evidence.age = signal.residual, signal.limit, age
     evidence.outliers, evidence.because = signal.outliers, signal.because
     evidence.tellable = signal.tellable or ends_for_all_to_see(signal) or not settings.latch
@@ -271,33 +281,13 @@ def _judge_signal(
 
 @inner
 def _judge_radar(state, settings, horizon, outcome):
-    radar, evidence = state.radar, outcome.evidence
-    _judge_signal(
-        radar,
-        settings,
-        horizon,
-        radar.clearance,
-        radar.track.cc,
-        horizon.measured_clearance,
-        horizon.clearance_stale,
-        horizon.clearance_age,
-        state.heard.clearance,
-        evidence.clearance,
-        outcome.clearance,
-    )
-    _judge_signal(
-        radar,
-        settings,
-        horizon,
-        radar.velocity,
-        radar.track.vv,
-        horizon.measured_relative_velocity,
-        horizon.relative_velocity_stale,
-        horizon.relative_velocity_age,
-        state.heard.relative_velocity,
-        evidence.relative_velocity,
-        outcome.relative_velocity,
-    )
+    radar, heard, evidence = state.radar, state.heard, outcome.evidence
+    _judge_signal(radar, settings, horizon, True, heard.clearance, outcome.clearance)
+    _give_evidence(evidence.clearance, settings, radar.clearance, horizon.clearance_age)
+    verdict = outcome.relative_velocity
+    _judge_signal(radar, settings, horizon, False, heard.relative_velocity, verdict)
+    age = horizon.relative_velocity_age
+    _give_evidence(evidence.relative_velocity, settings, radar.velocity, age)
     evidence.scans = min(radar.scans, READY_SCANS)
     evidence.unseen = not horizon.has_target
     evidence.anew = state.anew
