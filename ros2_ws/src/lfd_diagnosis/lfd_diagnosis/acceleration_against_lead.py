@@ -12,6 +12,7 @@ from lfd_diagnosis.acceleration_size import estimate_size
 from lfd_diagnosis.acceleration_state import (
     BASE_SHARE,
     BASELINE_DELAY,
+    LEARNT_EVERY,
     RADAR_GONE,
     SAMPLES,
     SHARP,
@@ -39,11 +40,11 @@ from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S, share_of
 
-SHAKEN_LIMIT, SHAKEN_SIGMA = 1.6, 3.0
+SHAKEN_LIMIT, SHAKEN_JUMP_SIGMA = 1.6, 3.0
 """How much larger a jump must be while the road shakes the sensor, and deviations of what a shaking
 makes of it that it must exceed."""
 
-JUMP_SIGMA, WARM_UP = 5.0, 30
+JUMP_SIGMA, WARM_UP_CHANGES = 5.0, 30
 """Learnt deviations of such a change that a jump must exceed, and learnt changes over which limits
 come down from thrice to once their width."""
 
@@ -59,11 +60,11 @@ SWINGS = 16
 JUMP_MEMORY = 25
 """Steps after a jump in which it is held against the observers."""
 
-BRAKED, RELEASED, ANSWER = 1.5, 1.75, 50
+BRAKED_TO_REST, RELEASED, ANSWER = 1.5, 1.75, 50
 """m/s^2 of braking that ends at once where a car comes to rest, m/s^2 up to which what is felt
 afterwards is its end, and steps after which radar and observers have surely answered it."""
 
-LEAP, LEAP_SHARE = 2, 0.75
+LEAP_STEPS, LEAP_SHARE = 2, 0.75
 """Steps within which an offset jumps, and share of all that has changed by then; brakes that come
 on go on for longer."""
 
@@ -102,7 +103,7 @@ def is_nearing(relative_velocity):
 @inner
 def follow_lead(monitor, relative_acceleration):
     """The lead's acceleration as accelerometer and observers make it."""
-    if is_full(monitor.samples) and not (monitor.ticks % 10 or monitor.faulty):
+    if is_full(monitor.samples) and not (monitor.ticks % LEARNT_EVERY or monitor.faulty):
         learn_noise(monitor.jump_noise, _change(monitor), 0.0)
     gone = isnan(relative_acceleration)
     if gone:
@@ -180,7 +181,7 @@ def _against_report(monitor, settings, lead_report):
     residual = monitor.report_off
     own = monitor.filtered - monitor.own_slow
     limit = _report_limit(monitor, settings)
-    if abs(residual) < HEALTHY * limit and monitor.ticks % 10 == 0:
+    if abs(residual) < HEALTHY * limit and monitor.ticks % LEARNT_EVERY == 0:
         learn_noise(monitor.report_noise, residual, 0.0)
     if own * residual < 0.0 or abs(own) < OWN_SHARE * abs(residual):
         residual = 0.0
@@ -213,17 +214,17 @@ def _jump_limit(monitor, settings):
     # On a bad road, or over a kerb, even the mean of some samples jumps.
     limit = settings.jump_limit * (SHAKEN_LIMIT if monitor.shaken else 1.0)
     noise = sqrt(2.0) * shaking_left(monitor, SHARP * STEP_S)
-    least = max(limit, SHAKEN_SIGMA * noise, JUMP_SIGMA * deviation(monitor.jump_noise))
+    least = max(limit, SHAKEN_JUMP_SIGMA * noise, JUMP_SIGMA * deviation(monitor.jump_noise))
     # A car that has braked to rest jerks back as it does at no other time.
     least += monitor.stops_from
-    return least * while_learning(monitor.jump_noise.count, WARM_UP)
+    return least * while_learning(monitor.jump_noise.count, WARM_UP_CHANGES)
 
 
 @inner
 def ends_braking(monitor):
     """Whether what jumped was braking that ends, as far as it is seen."""
     ended = newest_mean(monitor) < RELEASED
-    return monitor.jump_sign > 0.0 and monitor.before < -BRAKED and ended
+    return monitor.jump_sign > 0.0 and monitor.before < -BRAKED_TO_REST and ended
 
 
 @inner
@@ -237,8 +238,8 @@ def _leapt(monitor):
     """Whether what jumped did so from one moment to the next, as brakes do not."""
     samples, sign = monitor.samples, monitor.jump_sign
     leap = 0.0
-    for k in range(LEAP, SAMPLES):
-        leap = max(leap, sign * (at(samples, k) - at(samples, k - LEAP)))
+    for k in range(LEAP_STEPS, SAMPLES):
+        leap = max(leap, sign * (at(samples, k) - at(samples, k - LEAP_STEPS)))
     return leap > LEAP_SHARE * sign * (newest_sample(monitor) - monitor.before)
 
 

@@ -20,6 +20,7 @@ from lfd_diagnosis.acceleration_state import (
     BASE_SHARE,
     LAG_MEMORY,
     LAG_PRIOR,
+    LEARNT_EVERY,
     follow_off,
     forget_baseline,
     has_leapt,
@@ -67,7 +68,7 @@ WARM_UP = 3.0
 RESTED = 2.0
 """Seconds for which a lead must have been at rest before a car that seems to stand surely does."""
 
-STILL_KNOWN, KNOWN_AFTER_SILENCE, SLOPE_DOUBT = 1.0, 2.5, 0.8
+STILL_KNOWN, KNOWN_AFTER_SILENCE, SLOPE_FADES = 1.0, 2.5, 0.8
 """Seconds of learning that a slope is worth however long nothing was heard of it, and after a
 silence of an accelerometer, which may come back with an offset; and how many of them each second of
 that takes."""
@@ -220,7 +221,7 @@ def doubt_slope(monitor, worth):
     """A step that tells nothing of the slope of the road, which may change meanwhile, but still is
     `worth` so many seconds of learning."""
     least = min(monitor.slope_known, worth)
-    known = min(monitor.slope_known, WARM_UP) - SLOPE_DOUBT * STEP_S
+    known = min(monitor.slope_known, WARM_UP) - SLOPE_FADES * STEP_S
     monitor.slope_known = max(known, least)
 
 
@@ -315,7 +316,7 @@ def _learn(monitor, settings, off, jerk, step, slow_limit):
     else:
         rate = settings.slope_rate
         monitor.slope += STEP_S * max(-rate, min(rate, slow / SLOPE_TIME))
-    if monitor.ticks % 10:
+    if monitor.ticks % LEARNT_EVERY:
         return
     if not isnan(step):
         learn_noise(monitor.step_noise, step, 0.0)

@@ -15,17 +15,17 @@ share of the shorter ones' variance is left."""
 LEAST_BEFORE = 20
 """Steps before a jump that it takes to see one."""
 
-MEMORY, LEARNT_OVER = 160, 100
+LOOKED_AT, LEARNT_OVER = 160, 100
 """Steps that are looked at for a jump, and samples that the noise is learnt over: some roads are
 worse than others."""
 
-SHARP, NEAR, AT_ONCE = 10, 3, 0.6
+AROUND, NEAR, AT_ONCE_SHARE = 10, 3, 0.6
 """Steps that are averaged to tell whether a change came at once, steps around where the values
 divide best in which it may have come, and share of it that must have."""
 
 JUMP = np.dtype(
     [
-        ("values", "f8", (MEMORY,)),
+        ("values", "f8", (LOOKED_AT,)),
         ("next", "i8"),
         ("count", "i8"),
         ("noise", LEARNT_NOISE, (len(WINDOWS),)),
@@ -69,8 +69,8 @@ def forget_jump(jump):
 def follow_difference(jump, value):
     """Take one step's difference (m/s^2)."""
     jump.values[jump.next] = value
-    jump.next = (jump.next + 1) % MEMORY
-    jump.count = min(jump.count + 1, MEMORY)
+    jump.next = (jump.next + 1) % LOOKED_AT
+    jump.count = min(jump.count + 1, LOOKED_AT)
     if jump.found and jump.steps < WINDOWS[jump.window]:
         jump.total += value
         jump.steps += 1
@@ -105,18 +105,18 @@ def least_beyond(jump, steps):
 def came_at_once(jump, change):
     """Whether what changed the differences by `change` (m/s^2) jumps to and fro as a sensor does,
     not as a road bends; also where nothing tells."""
-    split, least = _best_split(jump), AT_ONCE * abs(change)
+    split, least = _best_split(jump), AT_ONCE_SHARE * abs(change)
     if not split:
         return True
-    if jump.count < MEMORY:
+    if jump.count < LOOKED_AT:
         # What is not among the differences since a silence came in it.
-        newest, oldest = _sum(jump, 0, SHARP), _sum(jump, jump.count - SHARP, jump.count)
-        if abs(newest - oldest) < SHARP * least:
+        newest, oldest = _sum(jump, 0, AROUND), _sum(jump, jump.count - AROUND, jump.count)
+        if abs(newest - oldest) < AROUND * least:
             return True
-    for ago in range(max(split - NEAR, 1), min(split + NEAR, jump.count - SHARP) + 1):
-        window = min(ago, SHARP)
+    for ago in range(max(split - NEAR, 1), min(split + NEAR, jump.count - AROUND) + 1):
+        window = min(ago, AROUND)
         after = _sum(jump, ago - window, ago) / window
-        if abs(after - _sum(jump, ago, ago + SHARP) / SHARP) > least:
+        if abs(after - _sum(jump, ago, ago + AROUND) / AROUND) > least:
             return True
     return False
 

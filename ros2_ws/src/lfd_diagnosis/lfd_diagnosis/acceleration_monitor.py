@@ -42,6 +42,7 @@ from lfd_diagnosis.evidence import Ground, give_ground, is_exceeded, is_gauged, 
 from lfd_diagnosis.healthy_signal import (
     POSSIBLE_JERK,
     SAME_STAMP,
+    SECOND_DIFFERENCES,
     append,
     as_measured,
     at,
@@ -79,7 +80,7 @@ from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S, share_of
 
-LARGEST_STEP, LEAP, LEAP_MEMORY = 1.0, 3.0, 30
+LARGEST_STEP, LEAP_ROUGHNESS, LEAP_MEMORY = 1.0, 3.0, 30
 """m/s^2 by which a possible jerk moves the accelerometer at most from one sample to the next, and
 roughness beyond that: what exceeds them is a leap, for so many steps."""
 
@@ -101,11 +102,11 @@ SWING, MORE_THAN_A_BUMP = 25, 1.5
 """Steps for which a bump may swing a sensor's mounting to one side at most, and times its limit by
 which it is off if that need not be waited for."""
 
-ENDED, ENDS_BY, ENDS_BY_MOST = 3.0, 0.5, 1.5
+END_HIDDEN, ENDS_BY, ENDS_BY_MOST = 3.0, 0.5, 1.5
 """Seconds after the end of a fault in which a jump back may be its real end, as a road that bent
 made it seem over, and least and largest share of its size that this is off by."""
 
-LEADS_BACK = 0.6
+LEADS_TO_SLOPE = 0.6
 """Share of a jump by which it may miss the slope that it leads back to."""
 
 SELDOM = 0.03
@@ -115,7 +116,7 @@ HELD_CHANGE, HELD_STEPS = 0.2, 2.5
 """m/s^2, and steps of its resolution, by which the speed's derivative must change while the
 accelerometer repeats itself."""
 
-BRAKED, BRAKING_FADES, ENDS = 4.0, share_of(0.2), 0.5
+BRAKED_HARD, BRAKING_FADES, ENDS = 4.0, share_of(0.2), 0.5
 """m/s^2 of braking whose sudden end, as when the car comes to rest, radar and accelerometer tell
 at different times; share by which it is forgotten in a step, and share of it left when it ends."""
 
@@ -125,9 +126,6 @@ a reason to change."""
 
 ZERO_SIGMA = 2.0
 """Deviations of the slow mean by which a zero may be what speed and slope say."""
-
-SECOND_DIFFERENCES = 6.0
-"""How much larger than the variance of a white noise that of its second differences is."""
 
 UNHEARD = 0.5
 """Seconds of silence after which a car may accelerate as it likes."""
@@ -198,7 +196,7 @@ def _follow_braking(monitor, value):
         monitor.braked = max(monitor.braked, monitor.slope - monitor.filtered)
     monitor.stops_from = max(monitor.stops_from, monitor.braked) if rests else 0.0
     ends = rests or monitor.slope - value < ENDS * monitor.braked
-    monitor.jolt = monitor.braked if heard and ends and monitor.braked > BRAKED else 0.0
+    monitor.jolt = monitor.braked if heard and ends and monitor.braked > BRAKED_HARD else 0.0
 
 
 @inner
@@ -267,7 +265,7 @@ def _is_bad_road(speed):
 def _leap(monitor, period):
     """By how many m/s^2 the newest sample, or the mean of three, leaves the one before as no
     manoeuvre does, else 0; a noisy sensor's single ones tell little."""
-    newest, rough = monitor.newest, LEAP * sqrt(monitor.roughness.usual)
+    newest, rough = monitor.newest, LEAP_ROUGHNESS * sqrt(monitor.roughness.usual)
     last = newest.count - 1
     if last < 1:
         return 0.0
@@ -387,7 +385,7 @@ def _ends_the_last(monitor, settings):
     one that a road may hide."""
     size = monitor.ended_size
     seen = monitor.check.ground == Ground.HOST_SPEED and is_full(monitor.samples)
-    hidden = monitor.ended_for <= ENDED and abs(size) <= settings.steepest_road
+    hidden = monitor.ended_for <= END_HIDDEN and abs(size) <= settings.steepest_road
     if not (seen and hidden):
         return False
     back = -_newest_residual(monitor)
@@ -405,7 +403,7 @@ def _leads_back(monitor, settings):
         return False
     step, beside = _newest_residual(monitor), check.reference - monitor.slope
     hidden = beside * step < 0.0 and abs(step) <= settings.steepest_road
-    return hidden and abs(beside + step) < LEADS_BACK * abs(step)
+    return hidden and abs(beside + step) < LEADS_TO_SLOPE * abs(step)
 
 
 @inner

@@ -4,7 +4,7 @@ from math import sqrt
 
 import numpy as np
 
-from lfd_diagnosis.acceleration_jump import AT_ONCE, JUMP, MEMORY, restart_jump, start_jump
+from lfd_diagnosis.acceleration_jump import AT_ONCE_SHARE, JUMP, LOOKED_AT, restart_jump, start_jump
 from lfd_diagnosis.evidence import BECAUSE, CHECK, Ground
 from lfd_diagnosis.healthy_signal import (
     LEARNT_NOISE,
@@ -49,6 +49,9 @@ STRONG = 2.0
 SWINGING = 0.65
 """m/s^2 of usual roughness from which on a bump swings a sensor's mounting so far that it looks
 like a jump."""
+
+LEARNT_EVERY = 10
+"""Steps of which one is learnt from: those between them are filtered, and say much the same."""
 
 OFF_RATE = 3.0
 """Share in 1/s by which it is followed how far a faulty one is off."""
@@ -303,7 +306,7 @@ def shaking_left(monitor, time):
 @inner
 def has_leapt(monitor, by):
     """Whether the samples lately leapt by most of that many m/s^2."""
-    return monitor.leapt_ago < MEMORY and monitor.leap * by > AT_ONCE * by * by
+    return monitor.leapt_ago < LOOKED_AT and monitor.leap * by > AT_ONCE_SHARE * by * by
 
 
 @inner

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from lfd_diagnosis.paper_diagnosis import (
-    PAPER,
     PAPER_OUTCOME,
+    PAPER_STATE,
     paper_arrays,
     paper_silence_entry,
     paper_step_entry,
@@ -25,8 +25,8 @@ from lfd_diagnosis.reasons import (
     robust_reasons,
 )
 from lfd_diagnosis.robust_diagnosis import (
-    ROBUST,
     ROBUST_OUTCOME,
+    ROBUST_STATE,
     robust_silence_entry,
     robust_step_entry,
     start_robust_entry,
@@ -190,7 +190,7 @@ def _verdict(said: Any, reason: str) -> SignalVerdict:
 class RobustDiagnosis(Diagnosis):
     """Lead track, host's speed, observers and V2V as evidence."""
 
-    state_kind, outcome_kind = ROBUST, ROBUST_OUTCOME
+    state_kind, outcome_kind = ROBUST_STATE, ROBUST_OUTCOME
     reasons, missing = staticmethod(robust_reasons), staticmethod(robust_missing)
 
     def _start(self) -> None:
@@ -216,7 +216,7 @@ class RobustDiagnosis(Diagnosis):
 class PaperDiagnosis(Diagnosis):
     """Fault indices, confidence, decision and reconstruction (eqs 25, 26, Table 1)."""
 
-    state_kind, outcome_kind = PAPER, PAPER_OUTCOME
+    state_kind, outcome_kind = PAPER_STATE, PAPER_OUTCOME
     reasons, missing = staticmethod(paper_reasons), staticmethod(paper_missing)
 
     def __init__(self, settings: DiagnosisSettings) -> None:

@@ -25,8 +25,11 @@ SAME_STAMP = 1e-4
 EQUAL = 1e-6
 """Differences below it are rounding, not resolution."""
 
-STEPS = 0.6
+ROUGH_STEPS = 0.6
 """Steps of a signal's resolution that its second differences are at least taken for."""
+
+SECOND_DIFFERENCES = 6.0
+"""How much larger than the variance of a white noise that of its second differences is."""
 
 IRREGULAR, LONG_GAP = 1.6, 4.0
 """How many times longer than the one before a time between samples is if one is missing, and from
@@ -44,6 +47,13 @@ changed and where nothing says so."""
 
 NO_CHANCE = 2.0
 """How many times longer than chance would have it the longest run of a healthy signal is."""
+
+LONGER_THAN_EVER, LONGER_UNCHANGED, MORE = 1.5, 2.0, 2.0
+"""How many times the longest healthy run so far a run may last, the same where nothing says that
+the signal should have changed, and equal samples beyond that."""
+
+EQUAL_LEAST, EQUAL_MOST = 0.01, 0.99
+"""Share of equal samples that is reckoned with at least and at most, whatever was seen so far."""
 
 UNCHANGED = 4.0
 """How many times longer a run must be while the signal had no reason to change."""
@@ -254,10 +264,11 @@ def take_roughness(roughness, at, value, healthy, possible):
     if not repeats:
         differs = value - before[1] - spacing * (before[1] - before[0])
         # As noisy as one of even samples.
-        square = 6.0 * differs**2 / (1.0 + (1.0 + spacing) ** 2 + spacing**2)
+        variances = 1.0 + (1.0 + spacing) ** 2 + spacing**2
+        square = SECOND_DIFFERENCES * differs**2 / variances
         before[0], before[1] = before[1], value
     known = roughness.known >= 3 * roughness.window
-    usual = max(roughness.usual, (STEPS * roughness.resolution) ** 2)
+    usual = max(roughness.usual, (ROUGH_STEPS * roughness.resolution) ** 2)
     exceeds = known and square > max(ROUGH_RATIO * ROUGH_RATIO * usual, possible * possible)
     roughness.count += exceeds - roughness.recent[roughness.next]
     roughness.recent[roughness.next] = exceeds
@@ -318,9 +329,11 @@ def is_frozen_for(repetition, should_change, unchanged):
     if repetition.samples < ENOUGH or repetition.run < repetition.least:
         return False
     if should_change:
-        odd = min(1.5 * repetition.longest_odd + 2.0, run_by_chance(repetition, CHANCE))
+        longest_odd = LONGER_THAN_EVER * repetition.longest_odd + MORE
+        odd = min(longest_odd, run_by_chance(repetition, CHANCE))
         return repetition.odd >= odd and repetition.run >= _healthy_run(repetition)
-    longest = max(2.0 * repetition.longest + 2.0, run_by_chance(repetition, REMOTE))
+    longest = LONGER_UNCHANGED * repetition.longest + MORE
+    longest = max(longest, run_by_chance(repetition, REMOTE))
     return repetition.run >= unchanged * longest
 
 
@@ -329,7 +342,8 @@ def _healthy_run(repetition):
     """Equal samples in a row that a healthy signal may have: by chance, or since it had as many."""
     chance = run_by_chance(repetition, CHANCE)
     # A run that was too long to be chance may have been a fault that nobody could tell.
-    return max(min(1.5 * repetition.longest + 2.0, NO_CHANCE * chance), chance)
+    longest = LONGER_THAN_EVER * repetition.longest + MORE
+    return max(min(longest, NO_CHANCE * chance), chance)
 
 
 @inner
@@ -361,7 +375,8 @@ def times_unchanged(repetition, noisy):
 @inner
 def run_by_chance(repetition, probability):
     """How many samples in a row are equal with that probability, by how many were so far."""
-    return log(probability) / log(min(max(_share_of_equal(repetition), 0.01), 0.99))
+    share = min(max(_share_of_equal(repetition), EQUAL_LEAST), EQUAL_MOST)
+    return log(probability) / log(share)
 
 
 @inner

@@ -22,24 +22,24 @@ from lfd_diagnosis.healthy_signal import (
 )
 from lfd_diagnosis.lead_track import predict_track, set_clearance
 from lfd_diagnosis.radar_signal import is_bad, is_held
-from lfd_diagnosis.radar_state import SLOW, WANDERING, is_either_held, wander_of
+from lfd_diagnosis.radar_state import SLOW_TIME, WANDERING, is_either_held, wander_of
 from lfd_diagnosis.travelled_path import drift_rate
 from lfd_mpc.compiled import inner
 
-HELD_PATH, HELD_SIGMA, HELD_STEPS = 0.45, 4.0, 3.0
+HELD_PATH, HELD_SIGMA, PATH_STEPS = 0.45, 4.0, 3.0
 """What must have been travelled while the clearance repeats itself: m, deviations of its noise, and
 steps of its resolution beside what it wanders by."""
 
-HELD_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 0.4, 3.0
+VELOCITY_CHANGE, CHANGE_STEPS, LEAD_DOUBT, HELD_SHARE, HELD_OFF = 0.13, 10.0, 0.15, 0.4, 3.0
 """What tells that a relative velocity which repeats itself should have changed: m/s, and steps of
 its resolution, by host and lead, and m/s^2 of doubt about the lead after a second; or deviations of
 the clearance's noise by which that leaves the path, filtered by a share."""
 
-TOO_CALM, UNCHANGED_NOISY = 1.0, 2.0
+TOO_CALM, UNCHANGED_CALM = 1.0, 2.0
 """Seconds, and how many times longer than chance or than ever, for which a clearance whose noise
 seldom lets it say the same must do so while nothing tells that it should change."""
 
-AT_ONCE, GRADUALLY, CONFIRMED = 4, 1.5, 0.5
+SHIFT_SCANS, GRADUALLY, CONFIRMED = 4, 1.5, 0.5
 """Scans in which a clearance goes over to another part of the car, deviations of its noise and
 wandering that it must leave the path by beside that, and share of these that it need not if host
 and lead say the same."""
@@ -66,7 +66,7 @@ BLIND_DOUBT = 0.5
 EXPECTED_SIGMA = 2.0
 """Standard deviations of the track by which what is expected may be off."""
 
-AT_REST = 0.5
+LEAD_AT_REST = 0.5
 """Speed of a lead in m/s below which it brakes no further."""
 
 UNKNOWN_LEAD = 1.5
@@ -113,7 +113,7 @@ def follow_held_velocity(radar, settings, same):
         return
     period = velocity.at - radar.velocity.last_at
     lead = radar.held.lead
-    if radar.host_speed + velocity.value < AT_REST:
+    if radar.host_speed + velocity.value < LEAD_AT_REST:
         lead = max(lead, 0.0)
     radar.held.changed += (lead - radar.host) * period
     radar.held.most_changed = max(radar.held.most_changed, abs(radar.held.changed))
@@ -199,7 +199,7 @@ def is_sent_again(radar, settings):
 @inner
 def stand_both(radar):
     """Whether the car stands, and its lead may, too."""
-    return not radar.host_moves and abs(radar.measured_velocity.value) < AT_REST
+    return not radar.host_moves and abs(radar.measured_velocity.value) < LEAD_AT_REST
 
 
 @inner
@@ -233,7 +233,7 @@ def begin_to_hold(radar):
         0.0
     )
     radar.held.least_off, radar.held.most_off = np.inf, -np.inf
-    start_ring(radar.held.off_lately, AT_ONCE)
+    start_ring(radar.held.off_lately, SHIFT_SCANS)
     append(radar.held.off_lately, 0.0)
 
 
@@ -294,14 +294,14 @@ def _is_too_calm(radar):
     not even its noise does."""
     repetition = radar.clearance.repetition
     long = repetition.run * radar.period >= TOO_CALM
-    unchanged = times_unchanged(repetition, UNCHANGED_NOISY)
+    unchanged = times_unchanged(repetition, UNCHANGED_CALM)
     return long and is_frozen_for(repetition, False, unchanged)
 
 
 @inner
 def _may_both_stand(radar):
     """Whether both cars may stand, where the host's speed is not known."""
-    return isnan(radar.host_speed) and abs(radar.measured_velocity.value) < AT_REST
+    return isnan(radar.host_speed) and abs(radar.measured_velocity.value) < LEAD_AT_REST
 
 
 @inner
@@ -333,7 +333,7 @@ def should_have_changed(radar, settings, of_clearance):
         longer = 1.0 if is_held(radar.velocity) else times_too_long(clearance.repetition)
         moved = max(
             max(HELD_PATH, HELD_SIGMA * deviation(clearance.noise)) / longer,
-            HELD_STEPS * clearance.roughness.resolution + sqrt(wander_of(radar, settings)),
+            PATH_STEPS * clearance.roughness.resolution + sqrt(wander_of(radar, settings)),
         )
         travelled = radar.held.travelled
         if abs(travelled) > moved:
@@ -352,8 +352,8 @@ def _change_in_doubt(radar):
     step, held_for = resolution_of(velocity.roughness), velocity.last_at - radar.held.since
     # A lead whose relative velocity was faulty is known no better than one that came into view.
     known_for = max(radar.held.since - max(radar.begun_at, velocity.faulty_at), 0.0)
-    change = max(HELD_CHANGE, CHANGE_STEPS * step) + LEAD_DOUBT * max(held_for - 1.0, 0.0)
-    change += UNKNOWN_LEAD * exp(-known_for / SLOW) * held_for
+    change = max(VELOCITY_CHANGE, CHANGE_STEPS * step) + LEAD_DOUBT * max(held_for - 1.0, 0.0)
+    change += UNKNOWN_LEAD * exp(-known_for / SLOW_TIME) * held_for
     return change + BLIND_DOUBT * held_for if isnan(radar.host_speed) else change
 
 

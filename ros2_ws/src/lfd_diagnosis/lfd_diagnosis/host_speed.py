@@ -55,7 +55,7 @@ HARD, JERK_TIME, LATENESS = 2.0, 0.4, 0.1
 """m/s^2 of braking that ends with a jerk when the car comes to rest, for how many s, and s by which
 the speed may be late to say so."""
 
-JUMP, JUMP_SIGMA = 0.5, 8.0
+LEAST_JUMP, LEAST_JUMP_SIGMA = 0.5, 8.0
 """Least jump in m/s between two samples that no car makes, and in deviations of its noise."""
 
 RATTLE, RATTLES, BUMP = 4.0, 9, 30
@@ -66,13 +66,13 @@ car."""
 GRIP, SLIPPING = 12.0, 50
 """m/s^2 that no tyre makes, beyond which the wheels slip, and for how many steps they may go on."""
 
-SWINGS = 0.1
+SWINGS_FOR = 0.1
 """Seconds for which a wheel that was shaken just now may jump as no car does."""
 
 COARSE = 0.15
 """m/s of resolution beyond which the derivative goes up and down as on a road that bends."""
 
-POSSIBLE_ACCELERATION, FOR_LONGER, LATE, GROWS = 15.0, 10.0, 0.2, 1.5
+POSSIBLE_ACCELERATION, FOR_LONGER, LATE_SPEED, GROWS = 15.0, 10.0, 0.2, 1.5
 """m/s^2 by which a car may leave what its accelerometer feels for a moment, and for longer, m/s
 that a speed may be late by then, and how many times farther off than the sample before one is that
 does."""
@@ -83,7 +83,7 @@ BENDS = 2.0
 JERK_FILTER = 0.15
 """Time constant in s of the filter whose derivative is the jerk."""
 
-OFTEN = 0.02
+HEARD_OFTEN = 0.02
 """Seconds between two samples of a speed that is known all the time."""
 
 MOVED_STEPS, LONGEST_REFRESH, REFRESH_SHARE = 2.5, 0.3, 0.2
@@ -238,7 +238,7 @@ def is_standing(speed):
 @inner
 def seldom_heard(speed):
     """Seconds for which nothing is heard of it, beyond what its filter is made for."""
-    return max(max(speed.refresh, speed.roughness.period) - OFTEN, 0.0)
+    return max(max(speed.refresh, speed.roughness.period) - HEARD_OFTEN, 0.0)
 
 
 @inner
@@ -407,7 +407,7 @@ def _doubt_jump(speed, at, value, acceleration):
     jumps = abs(jump) > speed.possible
     jumps = jumps and not (_rests_with_a_jerk(speed, value) or _starts_or_stops(speed, value))
     speed.outliers += not (jumps or begins)
-    swings = not is_road_calm(speed) and at - speed.doubted_at < SWINGS
+    swings = not is_road_calm(speed) and at - speed.doubted_at < SWINGS_FOR
     doubtful = jumps and (begins or swings)
     speed.doubt = jump if doubtful else np.nan
     return doubtful
@@ -426,9 +426,9 @@ def _possible_jump(speed, period, jump):
     first = speed.doubted_at - speed.last_at
     same = speed.doubt * jump > 0.0 and abs(jump) < GROWS * abs(speed.doubt)
     # A wheel that is shaken swings to and fro in no time.
-    period = min(period, first if same and first > OFTEN else 2.0 * first)
-    accelerates = min(POSSIBLE_ACCELERATION * period, FOR_LONGER * period + LATE)
-    return max(JUMP, JUMP_SIGMA * deviation(speed.noise)) + accelerates
+    period = min(period, first if same and first > HEARD_OFTEN else 2.0 * first)
+    accelerates = min(POSSIBLE_ACCELERATION * period, FOR_LONGER * period + LATE_SPEED)
+    return max(LEAST_JUMP, LEAST_JUMP_SIGMA * deviation(speed.noise)) + accelerates
 
 
 @inner
@@ -436,7 +436,7 @@ def _possible_bend(period, acceleration, before):
     """Second difference (m/s) that a car makes between samples so far apart (s), by what it feels
     and felt at the one before (m/s^2). A table may hold values that are older than it says, now
     more, now less, by a sample each."""
-    late = period if period > OFTEN else 0.0
+    late = period if period > HEARD_OFTEN else 0.0
     return BENDS * (period * abs(acceleration - before) + late * abs(acceleration))
 
 

@@ -15,13 +15,13 @@ FILTER = 0.3
 DISAGREEMENT, NOISES = 1.5, 5.0
 """Least difference in m/s^2 that is called one, and in deviations of its noise."""
 
-POSSIBLE_JERK = 15.0
+LEADS_JERK = 15.0
 """m/s^3 that a lead may reach."""
 
 DISAGREEING = 0.3
 """Seconds of disagreement after which what the lead says is not believed."""
 
-HELD = 0.5
+STILL_TELLS = 0.5
 """Seconds for which it may say the same and still tell how a lead goes on that nobody sees."""
 
 SHARE = share_of(FILTER)
@@ -77,7 +77,7 @@ def is_trusted(lead, settings):
 def tells_unseen(lead, settings):
     """Whether it tells how a lead goes on that the radar does not see: nothing contradicts then
     what is only said again and again."""
-    return is_trusted(lead, settings) and lead.same_for <= HELD
+    return is_trusted(lead, settings) and lead.same_for <= STILL_TELLS
 
 
 @inner
@@ -100,7 +100,7 @@ def follow_lead_report(lead, settings, horizon, seen):
     value = as_measured(horizon.measured_lead_acceleration)
     if is_new(at, lead.last_at):
         # No car changes its acceleration as fast; what jumps is not believed, seen or not.
-        limit = NOISES * settings.lead_report_std + POSSIBLE_JERK * (at - lead.last_at)
+        limit = NOISES * settings.lead_report_std + LEADS_JERK * (at - lead.last_at)
         if abs(value - lead.acceleration) > limit:
             _distrust(lead, Ground.LEAD_JUMPED, lead.acceleration, value, limit)
     lead.same_for = lead.same_for + STEP_S if value == lead.acceleration else 0.0

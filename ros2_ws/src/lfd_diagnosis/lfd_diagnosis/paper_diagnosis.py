@@ -43,7 +43,7 @@ PAPER_EVIDENCE = np.dtype(
 
 PAPER_OUTCOME = outcome_kind(PAPER_EVIDENCE)
 
-PAPER = np.dtype(
+PAPER_STATE = np.dtype(
     [
         ("store", STORE),
         ("book", BOOK),

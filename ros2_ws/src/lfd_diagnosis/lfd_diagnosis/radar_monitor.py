@@ -62,8 +62,8 @@ from lfd_diagnosis.radar_signal import (
     move_reference,
 )
 from lfd_diagnosis.radar_state import (
-    SLOW,
     SLOW_STD,
+    SLOW_TIME,
     USUAL_BIAS,
     WANDER_TIME,
     WANDERING,
@@ -87,6 +87,7 @@ from lfd_diagnosis.radar_target import (
     sort_out_target,
 )
 from lfd_diagnosis.travelled_path import (
+    BEYOND_WINDOW,
     LARGEST_GAP,
     clear_path,
     explain_drift,
@@ -121,7 +122,7 @@ SAME_SCAN = 1.5
 CLEARANCE_STD, VELOCITY_STD = 0.22, 0.3
 """How well a track is known, in m and m/s, that a contradiction was explained with."""
 
-LATE = 0.1
+JOLT_LATE = 0.1
 """Seconds by which radar and host may differ in when a sudden change came."""
 
 SHIFT_AGAIN = 1.0
@@ -134,7 +135,7 @@ velocity by which that may differ from it."""
 DRIVES_OFF = 0.75
 """m/s^2 that no relative velocity drifts by."""
 
-LEADS_BACK = 0.15
+LEADS_TO_PART = 0.15
 """Share of a jump of the clearance by which it may lead beside where it was before."""
 
 ONE_STEP = 1.2
@@ -225,7 +226,7 @@ def _predict(radar, settings, host_acceleration, host_jolt, lead_acceleration):
             inform(track, lead_acceleration, report_deviation(settings))
     mean = settings.lead_acceleration_mean
     predict_track(track, STEP_S, host_acceleration, keep, mean, jerk)
-    track.vv += LATE * STEP_S * host_jolt**2
+    track.vv += JOLT_LATE * STEP_S * host_jolt**2
     radar.held.host_path += STEP_S * (radar.held.host_gain + 0.5 * STEP_S * host_acceleration)
     radar.held.host_gain += STEP_S * host_acceleration
     radar.held.time += STEP_S
@@ -236,9 +237,9 @@ def _predict(radar, settings, host_acceleration, host_jolt, lead_acceleration):
     track.cc += STEP_S / WANDER_TIME * wander_of(radar, settings)
     if not radar.velocity.faulty:
         off = track.acceleration - radar.slow_acceleration
-        radar.slow_acceleration += STEP_S / SLOW * off
+        radar.slow_acceleration += STEP_S / SLOW_TIME * off
         off = radar.slow_acceleration - radar.slower_acceleration
-        radar.slower_acceleration += STEP_S / SLOW * off
+        radar.slower_acceleration += STEP_S / SLOW_TIME * off
 
 
 @inner
@@ -503,7 +504,7 @@ def _suspect(radar, settings, signal, of_clearance, changed):
             _take_along(radar)
         elif gradual:
             if abs(signal.residual) > settings.drift_limit and is_explainable(radar.path):
-                reach = settings.drift_window + 1.0
+                reach = settings.drift_window + BEYOND_WINDOW
                 _explain(radar, settings, signal.residual, signal.limit, reach)
         elif is_bad(signal) and _came_back_with_the_other(radar, signal, of_clearance):
             measured = radar.measured_clearance if of_clearance else radar.measured_velocity
@@ -576,7 +577,7 @@ def _leads_back(radar, settings):
     before, or from where a fault that was too small to be found had put it."""
     jump, beside = radar.clearance.residual, radar.elsewhere
     hardly = abs(jump) <= min(HARDLY * radar.clearance.limit, settings.largest_shift)
-    back = beside * jump < 0.0 and abs(beside + jump) < LEADS_BACK * abs(jump)
+    back = beside * jump < 0.0 and abs(beside + jump) < LEADS_TO_PART * abs(jump)
     return settings.check_drift and hardly and back
 
 

@@ -69,11 +69,11 @@ HARDLY, UNALIKE = 1.5, 0.25
 """Times its limit below which a residual is hardly off, and share of two residuals of one fault by
 which they may differ, beyond their limit."""
 
-STEPS = 1.5
+LIMIT_STEPS = 1.5
 """Steps of its resolution that a signal may be off from its prediction."""
 
-HELD_SCANS = 6
-"""Equal scans below which nothing is thought of it."""
+HELD_SCANS, ZERO_SCANS = 6, 3
+"""Equal scans below which nothing is thought of it, and from which on a zero is one."""
 
 AVERAGED, AGREED = 4.0, 0.4
 """Scans over which noise averages out while a faulty signal agrees, and share of the fault that it
@@ -99,7 +99,7 @@ BACK_FLOORS, BACK_SHARE = 0.8, 0.4
 LONGEST_PERIOD = 0.2
 """Seconds that one scan's agreement counts for at most."""
 
-ENDED = 60.0
+END_UNSEEN = 60.0
 """Seconds in which a jump back may be the end of an offset that is believed since another target
 came."""
 
@@ -249,7 +249,7 @@ def offset_of(signal):
 @inner
 def least_limit(signal):
     """Least limit: a coarse sensor may be off by its resolution, and some noise."""
-    return max(signal.floor, STEPS * resolution_of(signal.roughness))
+    return max(signal.floor, LIMIT_STEPS * resolution_of(signal.roughness))
 
 
 @inner
@@ -388,7 +388,7 @@ def note_end(signal, time):
 @inner
 def ends_the_last(signal):
     """Whether a jump undoes the offset whose end nobody saw."""
-    off, recent = signal.ended_size, signal.last_at - signal.ended_at < ENDED
+    off, recent = signal.ended_size, signal.last_at - signal.ended_at < END_UNSEEN
     doubt = max(TOLERANCE * abs(off), 0.5 * signal.floor)
     return recent and abs(signal.residual + off) < doubt
 
@@ -411,7 +411,7 @@ def classify(signal, settings, should_have_changed):
         return
     # What was held has said the same ever since.
     ever_since = settings.check_repetition and signal.repetition.run >= signal.faulty_scans
-    if signal.last == 0.0 and signal.repetition.run >= 3 and ever_since:
+    if signal.last == 0.0 and signal.repetition.run >= ZERO_SCANS and ever_since:
         signal.kind = Kind.ZERO
     elif ever_since and is_held(signal) and is_frozen(signal.repetition, should_have_changed):
         signal.kind = Kind.HOLD

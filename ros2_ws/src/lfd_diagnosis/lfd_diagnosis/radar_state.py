@@ -20,11 +20,11 @@ from lfd_diagnosis.travelled_path import DRIFT, TRAVELLED_PATH, clear_path, star
 from lfd_mpc.compiled import inner
 from lfd_mpc.samples import UNKNOWN_TRACK
 
-READY_SCANS, SETTLING = 3, 0.5
+READY_SCANS, TARGET_SETTLES = 3, 0.5
 """Scans of one target after which it is judged, and seconds in which one whose first scans
 contradict each other is begun anew."""
 
-LEARNING, FEW_SCANS, SEEN = 40.0, 10, 3.0
+LEARNING, FEW_SCANS, TIMES_SEEN = 40.0, 10, 3.0
 """Scans over which limits come down from thrice to once their width while noise is learnt; sooner,
 after some scans, to so many times the largest residual that was seen."""
 
@@ -32,11 +32,11 @@ SWUNG, WIDEST = 2.0, 1.5
 """How many times the largest residual of a healthy relative velocity its least limit is, and how
 many times the first one at most: some radars swing farther, for two scans, than noise tells."""
 
-SLOW, SLOW_STD = 0.5, 0.2
+SLOW_TIME, SLOW_STD = 0.5, 0.2
 """Seconds over which the lead's acceleration is averaged before it is relied on for long, and how
 well it is known then, in m/s^2."""
 
-FIRST_PERIOD, PERIOD_SHARE, MISSED = 0.05, 0.1, 2.5
+FIRST_PERIOD, PERIOD_SHARE, GAP_SCANS = 0.05, 0.1, 2.5
 """Seconds between two scans before any was seen, share of a new one in their average, and how many
 of them are a gap after which the same id may be another target's."""
 
@@ -257,7 +257,7 @@ def widening(radar):
     wide = 1.0 + 2.0 * exp(-scans / LEARNING)
     if scans < FEW_SCANS:
         return wide
-    return min(wide, max(1.0, SEEN * max(radar.clearance.roughest, radar.velocity.roughest)))
+    return min(wide, max(1.0, TIMES_SEEN * max(radar.clearance.roughest, radar.velocity.roughest)))
 
 
 @inner

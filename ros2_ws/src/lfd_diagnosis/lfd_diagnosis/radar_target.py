@@ -31,11 +31,11 @@ from lfd_diagnosis.radar_signal import (
     offset_of,
 )
 from lfd_diagnosis.radar_state import (
-    MISSED,
+    GAP_SCANS,
     PERIOD_SHARE,
     READY_SCANS,
     REMEMBERED,
-    SETTLING,
+    TARGET_SETTLES,
     clearance_now,
     cut_path,
     go_over,
@@ -199,7 +199,7 @@ def sort_out_target(radar, settings, track_id):
     """Sort out a new track id, or a silence; whether a new target was begun."""
     at = radar.measured_clearance.at
     gap = at - max(radar.clearance.last_at, radar.velocity.last_at)
-    has_missed = gap > MISSED * radar.period
+    has_missed = gap > GAP_SCANS * radar.period
     _follow_period(radar, gap)
     silent = gap > LOST_AFTER or (has_missed and _is_elsewhere(radar, settings))
     changed = _has_another_id(radar, track_id)
@@ -285,7 +285,7 @@ def _recall(radar, settings, track_id, at):
             predict_track(radar.track, since, radar.host, 1.0, mean, jerk)
         slot.at = -np.inf
         far = is_far(clearance_now(radar) - radar.track.clearance)
-        missed = since > MISSED * radar.period
+        missed = since > GAP_SCANS * radar.period
         given_away = (missed or far) and _is_elsewhere(radar, settings)
         vague = slot.scans < KNOWN_SCANS and not _agrees(radar, settings)
         if given_away or vague:
@@ -329,7 +329,8 @@ def is_settling(radar):
     # What is not there, or was said before, contradicts nothing.
     one = is_bad(clearance) and not isnan(clearance.residual)
     other = is_bad(velocity) and not isnan(velocity.residual)
-    return young and (one or other) and radar.measured_clearance.at - radar.begun_at < SETTLING
+    begins = radar.measured_clearance.at - radar.begun_at < TARGET_SETTLES
+    return young and (one or other) and begins
 
 
 @inner

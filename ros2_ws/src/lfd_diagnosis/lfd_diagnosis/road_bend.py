@@ -13,11 +13,11 @@ EVERY, KEPT, MEAN = 5, 24, 4
 """Steps between two values that are kept, how many are (over 1.2 s), and how many of them a mean is
 made of: its newest and its oldest one are a second apart."""
 
-DRIFT, FASTER, FLAT = 0.5, 0.65, 0.25
+MOST_DRIFT, FASTER, FLAT = 0.5, 0.65, 0.25
 """m/s^2 that a drift may change within that second, that none does, and up to which the road does
 not bend any more."""
 
-LEAST, REST = 10, 40
+LEAST_AFTER, MOST_AFTER = 10, 40
 """Values after a bend that tell whether it was one: a drift goes on."""
 
 SURE = 0.5
@@ -91,9 +91,9 @@ def follow_bend(bend, jump, difference, derivative, felt, speed, steepest):
     if came_at_once(jump, changed):
         return 0.0
     bend.since = 1
-    bend.bent += abs(changed) - DRIFT
+    bend.bent += abs(changed) - MOST_DRIFT
     if bend.bent < SURE:
-        changed -= DRIFT if changed > 0.0 else -DRIFT
+        changed -= MOST_DRIFT if changed > 0.0 else -MOST_DRIFT
     bend.level = now
     differences = bend.differences
     for i in range(KEPT - MEAN):
@@ -123,7 +123,8 @@ def has_bent(bend):
 def _goes_straight_on(bend):
     """Whether the road has not bent any more for long enough since it did."""
     changed = slope_now(bend) - mean_of(bend.differences, 0, MEAN)
-    return bend.since > LEAST and abs(changed) < FLAT and _is_steady(bend, bend.bent + DRIFT)
+    flat = bend.since > LEAST_AFTER and abs(changed) < FLAT
+    return flat and _is_steady(bend, bend.bent + MOST_DRIFT)
 
 
 @inner
@@ -131,5 +132,5 @@ def leave_bend(bend):
     """Forget a bend that is over, and one after which too much came to tell what it was."""
     if bend.steps % EVERY or bend.since <= 1:
         return
-    if bend.since > REST or _goes_straight_on(bend):
+    if bend.since > MOST_AFTER or _goes_straight_on(bend):
         bend.since, bend.bent = 0, 0.0

@@ -113,7 +113,7 @@ HEARD = np.dtype(
 )
 """Which inputs were there at all."""
 
-ROBUST = np.dtype(
+ROBUST_STATE = np.dtype(
     [
         ("radar", RADAR),
         ("acceleration", ACCELERATION),

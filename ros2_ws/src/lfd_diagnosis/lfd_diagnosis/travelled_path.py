@@ -27,6 +27,9 @@ RATE_TIME, RATE_DOUBT = 1.0, 2.0
 """Seconds over which it is seen how fast the two come apart, and deviations of the clearance's
 noise that may be all of it."""
 
+BEYOND_WINDOW = 1.0
+"""Seconds by which the path that tells who is wrong reaches back farther than its window."""
+
 LARGEST_GAP = 0.5
 """Seconds without a scan after which the path begins anew."""
 
@@ -61,7 +64,7 @@ MOST_LATE = 0.35
 SUDDEN, SUDDEN_SHARE = 0.8, 0.7
 """Seconds in which no drift goes such a share of the way to its limit."""
 
-STEPS = 2.5
+DRIFT_STEPS = 2.5
 """Steps of the clearance's resolution that a drift may seem to have."""
 
 HEALTHY = 0.6
@@ -151,7 +154,7 @@ def path_length(path):
 @inner
 def path_limit(path, settings, widening, resolution):
     """Drift in m beyond which the two contradict each other, the clearance in such steps."""
-    least = max(settings.drift_limit, STEPS * resolution)
+    least = max(settings.drift_limit, DRIFT_STEPS * resolution)
     chosen = CHOSEN * resolution * path.skipped
     return widening * max(least, SIGMA * deviation(path.noise)) + chosen
 
@@ -189,7 +192,7 @@ def follow_path(path, settings, time, clearance, velocity, step):
     points[new, 0], points[new, 1] = time, off
     points[new, 2], points[new, 3] = step, velocity
     path.count += 1
-    while time - points[path.first, 0] > 2.0 * settings.drift_window + 1.0:
+    while time - points[path.first, 0] > 2.0 * settings.drift_window + BEYOND_WINDOW:
         path.first, path.count = _point(path, 1), path.count - 1
     path.then, path.clearance, path.velocity = time, clearance, velocity
 
@@ -241,7 +244,7 @@ def path_drift(path, settings, limit):
     """How far the two have come apart over one window in m, or over two less what that may be more;
     0 while the path is short."""
     length, window = path_length(path), settings.drift_window
-    path.reach = window + 1.0
+    path.reach = window + BEYOND_WINDOW
     if length < LEAST_TIME:
         return 0.0
     now = path.points[_point(path, path.count - 1), 0]
@@ -256,7 +259,7 @@ def path_drift(path, settings, limit):
         learn_noise(path.noise, before, 0.0)
     long /= LONGER
     over_one = abs(short) >= abs(long)
-    path.reach = (window if over_one else 2.0 * window) + 1.0
+    path.reach = (window if over_one else 2.0 * window) + BEYOND_WINDOW
     return short if over_one else long
 
 
