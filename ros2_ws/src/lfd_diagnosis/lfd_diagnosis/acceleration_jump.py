@@ -148,7 +148,8 @@ def _best_split(jump):
 
 @inner
 def find_jump(jump):
-    """Where the last values divide best into those before and after a jump."""
+    """Begin to measure a jump where the last values divide best into those before and after: of its
+    two means the latter grows until its window is full."""
     forget_jump(jump)
     jump.steps = _best_split(jump)
     if not jump.steps:

@@ -285,7 +285,11 @@ def _leap(monitor, period):
 def judge_acceleration(
     monitor, settings, horizon, relative_acceleration, relative_velocity, lead_report
 ):
-    """Judge the step; m/s^2 and m/s of the lead, NaN where the radar tells nothing."""
+    """Judge the step whose samples were taken, or that there is none.
+
+    The lead's relative acceleration (m/s^2), as the first observer makes it, and relative velocity
+    (m/s), NaN where the radar tells nothing; `lead_report`: what it says itself.
+    """
     if horizon.acceleration_stale:
         _judge_nothing(monitor, KNOWN_AFTER_SILENCE)
         monitor.silent_for += STEP_S

@@ -26,7 +26,8 @@ for so long until a jump has been measured."""
 
 @inner
 def find_size(monitor, off):
-    """Where it jumped, if that makes most of what it is off by (m/s^2)."""
+    """Look for where a new fault jumped; that is forgotten unless it makes most of what the fault
+    is off by (m/s^2): then something else began before it."""
     jump = monitor.jump
     find_jump(jump)
     told = monitor.kind == Kind.OFFSET and jump.found
@@ -36,7 +37,8 @@ def find_size(monitor, off):
 
 @inner
 def estimate_size(monitor, residual):
-    """Of a jump just after it, when the slope has hardly changed; of others as they are now."""
+    """How large a fault is and how well that is known, from what it is off by now (m/s^2): a jump's
+    size is taken just after it, when the slope has hardly changed, others' as they are now."""
     if is_measured(monitor.jump):
         monitor.size = jump_size(monitor.jump)
         monitor.size_std = jump_deviation(monitor.jump)

@@ -115,7 +115,8 @@ LEARNT_NOISE = np.dtype(
     ],
     align=True,
 )
-"""Variance of a signal's noise, in the square of its unit, between a lowest and a highest one."""
+"""Variance of a signal's noise, in the square of its unit, between a lowest and a highest one. It
+is made of the last `memory` or so of `count` samples, if it is to `learn`, else it stays."""
 
 
 @inner
@@ -164,9 +165,12 @@ ROUGHNESS = np.dtype(
 )
 """Whether a signal jumps up and down from sample to sample far more than it used to.
 
-Second differences: smooth motion, however fast, hardly has any. `resolution` is the largest of the
-`least_steps` seen between two samples, infinite before any was seen: an odd value of a coarse
-sensor makes two steps that are too small.
+Second differences: smooth motion, however fast, hardly has any. `usual` is their mean square over
+the `known` healthy ones, in the square of the signal's unit; of the last `window` of all so many
+(`count`) exceeded their limit (`recent`). `before`: the last two values that differed, so many as
+are there (`samples_before`). `resolution` is the largest of the `least_steps` seen between two
+samples, infinite before any was seen: an odd value of a coarse sensor makes two steps that are too
+small.
 """
 
 
@@ -189,7 +193,7 @@ def empty_roughness(roughness):
 
 @inner
 def is_rough(roughness):
-    """Whether it is so now."""
+    """Whether the signal is far rougher now than it was."""
     return roughness.count >= ROUGH_SHARE * roughness.window
 
 
@@ -298,9 +302,11 @@ REPETITION = np.dtype(
 )
 """How long a signal has said the very same number, and whether that is longer than it may.
 
-`lately`: how often it repeated itself before the present run; `odd`: samples of the present run
-since the value should have changed, `longest_odd` the most of them in a healthy one, `longest` the
-longest healthy run without them.
+`run`: samples that equalled the one before them since `value` was said first, `least`: how many are
+never suspect. Of `samples` healthy ones so many were `equal` to the one before. `lately`: how often
+it repeated itself before the present run; `odd`: samples of the present run since the value should
+have changed, `longest_odd` the most of them in a healthy one, `longest` the longest healthy run
+without them.
 """
 
 
@@ -426,15 +432,18 @@ def note_change(repetition, should_change):
         repetition.odd += 1
 
 
+LARGEST_RING = 32
+"""Values that a ring holds at most."""
+
 RING = np.dtype(
-    [("values", "f8", (32,)), ("size", "i8"), ("count", "i8"), ("next", "i8")], align=True
+    [("values", "f8", (LARGEST_RING,)), ("size", "i8"), ("count", "i8"), ("next", "i8")], align=True
 )
 """The last `size` values of something."""
 
 
 @inner
 def start_ring(ring, size):
-    """Begin with none of at most 32."""
+    """Begin with no values, of which `size` will be kept, `LARGEST_RING` at most."""
     ring.size, ring.count, ring.next = size, 0, 0
 
 

@@ -142,7 +142,7 @@ def follow_held_velocity(radar, settings, same):
 
 @inner
 def _nearest_to_zero(first, second):
-    """What both of them say."""
+    """The one nearer to zero, as what both of them say; 0 where they say the opposite."""
     if first * second <= 0.0:
         return 0.0
     return first if abs(first) < abs(second) else second
@@ -229,9 +229,8 @@ def begin_to_hold(radar):
     # What it lay beside the track before, beyond its noise, is no reason.
     noise = deviation(radar.clearance.noise)
     radar.held.beside = beyond(radar.beside, noise)
-    radar.held.expected_off = radar.held.off = radar.held.off_by_last = radar.held.most_at_once = (
-        0.0
-    )
+    radar.held.expected_off = radar.held.off = 0.0
+    radar.held.off_by_last = radar.held.most_at_once = 0.0
     radar.held.least_off, radar.held.most_off = np.inf, -np.inf
     start_ring(radar.held.off_lately, SHIFT_SCANS)
     append(radar.held.off_lately, 0.0)

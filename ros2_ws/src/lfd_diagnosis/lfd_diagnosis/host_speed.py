@@ -150,12 +150,20 @@ HOST_SPEED = np.dtype(
 )
 """Derivative (m/s^2) of the host's speed, as long as its samples make sense.
 
-`same`: samples in a row that are equal, those of a car that seems to stand, too; `felt` (m/s^2):
-how the host accelerated at the newest one. `doubt` (m/s) is what the newest one, seen at `seen_at`,
-jumps by, NaN if it does not or is not in doubt any more, `possible` (m/s) how far a car may jump;
-the first one that was in doubt is of `doubted_at` (where none is, the newest one); `last` is of
-`last_at`, before them. `refresh` (s): how long the sensor, or a table it was put into, says each
-value again and again; it changed at `changed_at`. `slipped`: steps since the wheels slipped last.
+`followed`: for how many s it has been filtered, below zero where the car has just come to rest and
+it is to begin anew. `derivative_then` is that at the newest sample, `derivative_when_held` that
+when it last changed, `slow_derivative` the same through one more filter, `largest_jerk` (m/s^3) the
+largest lately. `calm_for` and `slipped`: steps since a wheel was shaken, and since the wheels
+slipped.
+
+`same`: samples in a row that are equal, those of a car that seems to stand, too; `missed` (m/s):
+what the host's acceleration should have changed in `held_for` s of equal ones; `felt` (m/s^2): how
+the host accelerated at the newest one. `off` (m/s): the sum of the jumps of a faulty one, `quiet`
+(s): for how long nothing was wrong with it. `doubt` (m/s) is what the newest one, seen at
+`seen_at`, jumps by, NaN if it does not or is not in doubt any more, `possible` (m/s) how far a car
+may jump; the first one that was in doubt is of `doubted_at` (where none is, the newest one); `last`
+is of `last_at`, before them. `refresh` (s): how long the sensor, or a table it was put into, says
+each value again and again; it changed at `changed_at`.
 """
 
 
@@ -288,7 +296,7 @@ def tells_of_bends(speed, settings):
 
 @inner
 def _says_the_same(speed, settings):
-    """Whether it has for a while."""
+    """Whether it has said the same for longer than its derivative is filtered."""
     return speed.held_for > settings.host_speed_filter_time
 
 
@@ -415,6 +423,7 @@ def _doubt_jump(speed, at, value, acceleration):
 
 @inner
 def _jump(speed, value, period, acceleration):
+    """What a sample differs by (m/s) from what the host's acceleration makes of the last one."""
     return value - speed.last - acceleration * period
 
 
@@ -498,7 +507,7 @@ def _follow_jumps(speed, settings, value, period, acceleration, was_held):
 
 @inner
 def _look_for_faults(speed, settings, value, period, shaken):
-    """Whether it is held or rough; for how long it is neither."""
+    """Convict it where it is held or rough; else it is quiet for longer."""
     rough = is_rough(speed.roughness)
     speed.rough_for = speed.rough_for + period if rough else 0.0
     if settings.check_repetition and _look_for_hold(speed):

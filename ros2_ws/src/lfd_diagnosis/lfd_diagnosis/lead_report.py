@@ -41,8 +41,9 @@ LEAD_REPORT = np.dtype(
     ],
     align=True,
 )
-"""What the lead says: `acceleration` (m/s^2), how far it is `off` from what is seen,
-and for how many s it has said the same (`same_for`)."""
+"""What the lead says: `acceleration` (m/s^2), if it is `heard`, and for how many s it has said the
+same (`same_for`); how far (m/s^2) it is `off` from what was seen of it last, `filtered` as long as
+it is heard, and for how many s it has been `agreeing` or `disagreeing` with that."""
 
 
 @inner

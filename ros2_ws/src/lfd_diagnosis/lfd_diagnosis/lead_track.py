@@ -10,6 +10,9 @@ import numpy as np
 
 from lfd_mpc.compiled import inner
 
+UNKNOWN_VARIANCE = 2.0
+"""Variance in m^2/s^4 of the acceleration of a lead that comes into view."""
+
 LEAD_TRACK = np.dtype(
     [
         (name, "f8")
@@ -38,7 +41,7 @@ def start_track(track, clearance, velocity, acceleration, clearance_variance, ve
     """Begin from one scan, variances in m^2 and m^2/s^2; how the lead accelerates is hardly
     known."""
     track.clearance, track.velocity, track.acceleration = clearance, velocity, acceleration
-    track.cc, track.vv, track.aa = clearance_variance, velocity_variance, 2.0
+    track.cc, track.vv, track.aa = clearance_variance, velocity_variance, UNKNOWN_VARIANCE
     track.cv = track.ca = track.va = 0.0
 
 

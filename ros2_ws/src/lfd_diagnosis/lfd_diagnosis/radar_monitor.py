@@ -347,7 +347,7 @@ def _try_without_last(radar, settings, age):
 
 @inner
 def _judge_signal(radar, settings, signal, measured, of_clearance, repeated):
-    """Count a scan of one signal, and see what becomes of it."""
+    """Count a scan of one signal: whether it becomes faulty, or is to be believed again."""
     if not measured.new:
         return
     healthy = not is_radar_faulty(radar) and not is_bad(signal)

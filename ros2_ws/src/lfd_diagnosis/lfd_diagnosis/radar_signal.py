@@ -421,9 +421,9 @@ def classify(signal, settings, should_have_changed):
 
 @inner
 def _levels(recent, before, after):
-    """By how much the newest residuals lie off the line through those before, where they lie, how
-    far apart, off the last ones, and by how much they rose before from one to the next; medians,
-    so that single outliers on either side do not count."""
+    """The newest `after` values against the `before` ones before them: how far they lie off the
+    line through those, where they lie, how far apart, how far off the last few before, and how much
+    those rose from one to the next. Medians: single outliers on either side do not count."""
     first = recent.count - before - after
     old, new = np.empty(before), np.empty(after)
     rises = np.empty(before * (before - 1) // 2)

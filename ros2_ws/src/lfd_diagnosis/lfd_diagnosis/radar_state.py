@@ -48,6 +48,9 @@ WANDERING, WANDER_TIME = 4.0, 2.0
 """Scans for which a clearance stays where it wandered to: so much less it tells of a velocity; s in
 which it wanders so far: the track follows it."""
 
+LEAST_CLEARANCE_STD, LEAST_VELOCITY_STD = 0.03, 0.015
+"""Deviations in m and m/s of the least noise that is learnt."""
+
 REMEMBERED = 32
 """Targets that are remembered at once."""
 
@@ -134,14 +137,24 @@ RADAR = np.dtype(
     ],
     align=True,
 )
-"""State of one radar's two signals and of its target. `before` is the track as it was at
-`before_at` (s), when the last scan was not yet taken. While it is `unseen` the radar says that it
-sees no lead; `followed`: scans that it was seen in, less what was lost of it.
+"""State of one radar's two signals and of its target; m, m/s and m/s^2.
 
-`beside` (m) is what the clearance lately lay beside the track. `elsewhere` (m) is how far the part
-of the car that is seen lies from the one that was seen first, `shifted_at` (s) when it last went
-over to another one behind a faulty relative velocity; `agreed_clearance` (m) is what was measured
-when that began to agree again, `agreed_path` (m) the path that it makes since.
+The target. `id`, seen first at `begun_at` (s), of so many `scans`; other ids' targets are
+`remembered`. `track` is where it is, if that is known (`has_track`), `before` the same as it was at
+`before_at` (s), when the last scan was not yet taken. While it is `unseen` the radar says that it
+sees no lead; `followed`: scans that it was seen in, less what was lost of it. `slow_acceleration`
+and `slower_acceleration`: the lead's through one and two filters, while the relative velocity is
+healthy. `leap`: what jumps and may be another target.
+
+The host. How it accelerates (`host`), its speed (`host_speed`, NaN unless it is believed), and
+whether it surely moves (`host_moves`). `period` (s): between two scans, on average.
+
+The clearance against the relative velocity. `path`, which `drift` explains where they contradict
+each other; `held`: whether one of the two but repeats itself. `beside` (m) is what the clearance
+lately lay beside the track. `elsewhere` (m) is how far the part of the car that is seen lies from
+the one that was seen first, `shifted_at` (s) when it last went over to another one behind a faulty
+relative velocity. `agreed_clearance` (m) is what was measured when that began to agree again,
+`agreed_path` (m) the path that it makes since.
 """
 
 
@@ -149,12 +162,18 @@ when that began to agree again, `agreed_path` (m) the path that it makes since.
 def start_radar(radar, settings):
     """Begin with nothing."""
     learn = settings.learn_noise
-    start_signal(radar.clearance, settings.clearance_floor, settings.clearance_std, 0.03, learn)
+    start_signal(
+        radar.clearance,
+        settings.clearance_floor,
+        settings.clearance_std,
+        LEAST_CLEARANCE_STD,
+        learn,
+    )
     start_signal(
         radar.velocity,
         settings.relative_velocity_floor,
         settings.relative_velocity_std,
-        0.015,
+        LEAST_VELOCITY_STD,
         learn,
     )
     start_path(radar.path, learn)

@@ -42,9 +42,12 @@ ROAD_BEND = np.dtype(
     ],
     align=True,
 )
-"""Lately: differences between accelerometer and speed, and the speed's derivatives, in m/s^2;
-`since`: values since a bend; `bent`: by how much it did beyond a drift; `level`: the difference as
-it last did."""
+"""What lately differed between accelerometer and speed (`differences`), the speed's `derivatives`,
+and what was felt (`felts`), every `EVERY` steps, in m/s^2; `steps` so far.
+
+`since`: values since a bend, 0 where there was none; `bent` (m/s^2): how much more the road did
+bend than a drift makes; `level` (m/s^2): the mean difference when it last bent.
+"""
 
 
 @inner
@@ -103,8 +106,8 @@ def follow_bend(bend, jump, difference, derivative, felt, speed, steepest):
 
 @inner
 def _is_steady(bend, changed):
-    """Whether the host was in no manoeuvre, as its accelerometer, which feels the bend by which it
-    `changed` as well, feels it, too: a late or smoothed speed tells of it when it is half over."""
+    """Whether the host is in no manoeuvre, by its speed and by what is felt: a late or smoothed
+    speed tells of a manoeuvre when it is half over. What is felt has `changed` by the bend, too."""
     felt = range_of(bend.felts) <= STEADY + changed
     return felt and range_of(bend.derivatives) <= STEADY
 

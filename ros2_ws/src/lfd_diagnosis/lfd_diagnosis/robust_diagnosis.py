@@ -72,7 +72,8 @@ RADAR_EVIDENCE = np.dtype(
     ],
     align=True,
 )
-"""What is said of one of the radar's signals."""
+"""Figures that the reason of one of the radar's signals is made of; `residual` and `limit` in m or
+m/s, `age` and `must_agree` in s. `lost`: its reference is, or another target has come since."""
 
 ROBUST_EVIDENCE = np.dtype(
     [
@@ -103,7 +104,9 @@ ROBUST_EVIDENCE = np.dtype(
     ],
     align=True,
 )
-"""Figures that the reasons of an outcome are made of."""
+"""Figures that the reasons of an outcome are made of: ages in s, what is of the speed in m/s and
+m/s^2, of the lead's word in m/s^2, deviations in m and m/s. `anew`: the target has not been ready
+since time began anew; `silent`: nothing arrives at all."""
 
 ROBUST_OUTCOME = outcome_kind(ROBUST_EVIDENCE)
 
@@ -126,7 +129,8 @@ ROBUST_STATE = np.dtype(
     ],
     align=True,
 )
-"""State of the robust diagnosis."""
+"""State of the robust diagnosis; `last_stamp` (ns) is of the newest horizon, once it has `begun`,
+`anew` as in `ROBUST_EVIDENCE`."""
 
 
 @inner

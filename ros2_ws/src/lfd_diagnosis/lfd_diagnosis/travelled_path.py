@@ -242,7 +242,7 @@ def drift_rate(path, noise, time):
 @inner
 def path_drift(path, settings, limit):
     """How far the two have come apart over one window in m, or over two less what that may be more;
-    0 while the path is short."""
+    0 while the path is short. Sets its `reach`, and learns how far they healthily come apart."""
     length, window = path_length(path), settings.drift_window
     path.reach = window + BEYOND_WINDOW
     if length < LEAST_TIME:
