@@ -38,8 +38,9 @@ when on the next sample has nothing to do with those before."""
 ROUGH_RATIO, ROUGH_SHARE = 5.0, 0.4
 """Rough: so many usual deviations are exceeded by such a share of the last samples."""
 
-WIDEST_WINDOW = 64
-"""Samples that such a share is taken of at most."""
+WIDEST_WINDOW, KNOWN_WINDOWS = 64, 3
+"""Samples that such a share is taken of at most, and how many times as many healthy ones must be
+known before any is called rough."""
 
 CHANCE, REMOTE = 1e-5, 1e-7
 """Probability below which a run of equal samples is no coincidence, where the signal should have
@@ -271,19 +272,32 @@ def take_roughness(roughness, at, value, healthy, possible):
         variances = 1.0 + (1.0 + spacing) ** 2 + spacing**2
         square = SECOND_DIFFERENCES * differs**2 / variances
         before[0], before[1] = before[1], value
-    known = roughness.known >= 3 * roughness.window
+    known = roughness.known >= KNOWN_WINDOWS * roughness.window
     usual = max(roughness.usual, (ROUGH_STEPS * roughness.resolution) ** 2)
     exceeds = known and square > max(ROUGH_RATIO * ROUGH_RATIO * usual, possible * possible)
+    _count_rough(roughness, exceeds)
+    # A sensor that has said the same ever since tells nothing of how rough it is.
+    if healthy and (square > 0.0 or roughness.usual > 0.0):
+        _learn_usual(roughness, square, known)
+
+
+@inner
+def _count_rough(roughness, exceeds):
+    """Of the window's samples those that exceed their limit, as the newest one does or does not."""
     roughness.count += exceeds - roughness.recent[roughness.next]
     roughness.recent[roughness.next] = exceeds
     roughness.next = (roughness.next + 1) % roughness.window
-    # A sensor that has said the same ever since tells nothing of how rough it is.
-    if healthy and (square > 0.0 or roughness.usual > 0.0):
-        roughness.known += 1
-        square = min(square, LARGEST_ROUGHNESS)
-        if known:
-            square = min(square, GIVE * GIVE * roughness.usual)
-        roughness.usual += (square - roughness.usual) / min(roughness.known, LEARNT)
+
+
+@inner
+def _learn_usual(roughness, square, known):
+    """From the square of a healthy second difference: single large ones hardly count once enough
+    are `known`."""
+    roughness.known += 1
+    square = min(square, LARGEST_ROUGHNESS)
+    if known:
+        square = min(square, GIVE * GIVE * roughness.usual)
+    roughness.usual += (square - roughness.usual) / min(roughness.known, LEARNT)
 
 
 REPETITION = np.dtype(

@@ -455,6 +455,20 @@ def _began_with(signal):
 
 
 @inner
+def _scans_to_tell(signal, offset):
+    """How many scans before a jump back and after it tell one of that size, and how far off it may
+    seem by noise and rounding: the larger the noise is against it, the more."""
+    noise = deviation(signal.noise)
+    before, after, doubt = FEW_BEFORE, FEW_AFTER, FEW_DOUBT * noise
+    if doubt > TOLERANCE * abs(offset):
+        before, after, doubt = BEFORE, AFTER, DOUBT * noise
+    rounding = 0.5 * resolution_of(signal.roughness)
+    if doubt + rounding > MOST_DOUBT * abs(offset):
+        before, after, doubt = MANY_BEFORE, MANY_AFTER, MANY_DOUBT * noise
+    return before, after, doubt + rounding
+
+
+@inner
 def look_for_return(signal, said, repeated):
     """Take note of a scan, and of whether the jump that made the fault was undone, whatever became
     of the reference: some scans lie as far off those before as the first ones did, the other way.
@@ -469,14 +483,7 @@ def look_for_return(signal, said, repeated):
         append(recent, signal.residual)
         append(signal.said, said)
     offset = _began_with(signal)
-    noise = deviation(signal.noise)
-    before, after, doubt = FEW_BEFORE, FEW_AFTER, FEW_DOUBT * noise
-    if doubt > TOLERANCE * abs(offset):
-        before, after, doubt = BEFORE, AFTER, DOUBT * noise
-    rounding = 0.5 * resolution_of(signal.roughness)
-    if doubt + rounding > MOST_DOUBT * abs(offset):
-        before, after, doubt = MANY_BEFORE, MANY_AFTER, MANY_DOUBT * noise
-    doubt += rounding
+    before, after, doubt = _scans_to_tell(signal, offset)
     tolerance = max(TOLERANCE * abs(offset), 0.5 * signal.floor, doubt)
     told = doubt <= MOST_DOUBT * abs(offset) and tolerance < abs(offset)
     if recent.count < before + after or not told:
