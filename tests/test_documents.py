@@ -1,7 +1,13 @@
-"""What the README says of the robust profile is what the table of results says."""
+"""What the README says of the robust profile is what the table of results and a replay say."""
 
 import re
 from pathlib import Path
+
+from lfd_bringup.replay import DEFAULT_DRIVE, DEFAULT_FAULT, event_line
+from lfd_replay.faults import FaultInjector, parse_faults
+from lfd_replay.generated.generate import generate_drive
+from lfd_replay.offline import OfflineGraph
+from lfd_replay.profiles import graph_settings
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text()
@@ -38,3 +44,16 @@ def test_files_that_import_ros_are_named() -> None:
     for file in ROOT.glob("ros2_ws/src/lfd_*/lfd_*/**/*.py"):
         if ros.search(file.read_text()) and not file.name.endswith(("_node.py", "_adapter.py")):
             assert f"`{file.name}`" in layout, file
+
+
+def test_the_timeline_is_what_a_replay_prints() -> None:
+    """The README's excerpt, line by line: a change of the algorithm changes its figures, too."""
+    excerpt = re.findall(r"^ +\d+\.\d\d s  .*$", README, re.MULTILINE)
+    assert len(excerpt) > 5
+    drive = generate_drive(DEFAULT_DRIVE, seed=0, sensor="esr")
+    faults = FaultInjector(parse_faults([DEFAULT_FAULT]), drive.zero, seed=0)
+    steps = OfflineGraph(graph_settings("robust")).run(faults.apply(drive.samples))
+    printed = [
+        str(event_line(event, drive.zero)) for step in steps for event in step.outcome.events
+    ]
+    assert [line for line in printed if line in excerpt] == excerpt
