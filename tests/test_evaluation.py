@@ -501,7 +501,15 @@ def test_the_whole_evaluation_in_small(tmp_path: Path, monkeypatch) -> None:
     for name, matrix in result["confusion"].items():
         assert sum(matrix["acceleration"].values()) == published["windows"], name
         assert sum(matrix["no fault"].values()) > 10, name
-    assert len(case_rows(found)) == 9
+    cases = case_rows(found)
+    assert len(cases) == 9
+    # In words: the page stands alone, and the paper's letters are not explained on it.
+    assert {row[1] for row in cases} == {
+        "no fault",
+        "clearance and relative velocity",
+        "acceleration",
+        "clearance and relative velocity and acceleration",
+    }
     assert all(set(by_signal) == set(JUDGED) for by_signal in result["settings"].values())
     hourly = round(result["normal"]["hours"] * campaign.FALSE_EVENTS_PER_HOUR)
     for name, by_signal in found.chosen.items():

@@ -4,7 +4,7 @@ from dataclasses import asdict
 
 from lfd_diagnosis.verdict import SIGNALS
 from lfd_replay.evaluation.campaign import Evaluation
-from lfd_replay.evaluation.cases import RECORDED, SCAN_S
+from lfd_replay.evaluation.cases import RECORDED, SCAN_S, combination_title
 from lfd_replay.evaluation.comparison import AS_PUBLISHED
 from lfd_replay.evaluation.detectors import PUBLISHED, ROBUST, ROBUST_SET, is_at_equal
 from lfd_replay.evaluation.normal_driving import IndexStatistics
@@ -86,7 +86,7 @@ def case_rows(evaluation: Evaluation) -> Rows:
         rows.append(
             (
                 drive,
-                case.combination,
+                combination_title(case.combination),
                 *(_verdict(sensors[name]) for name in SIGNALS),
                 ", ".join(blamed) or "-",
             )
@@ -96,7 +96,7 @@ def case_rows(evaluation: Evaluation) -> Rows:
 
 def _verdict(figures: dict) -> str:
     false = figures["false_events"]
-    wrong = f"{false:.1f} false" if false else ""
+    wrong = f"{false:.1f} false events" if false else ""
     if not figures["injected"]:
         return wrong or "-"
     if not figures["found"]:
