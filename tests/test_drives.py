@@ -272,6 +272,7 @@ MISTAKES = {
         "unknown parameter '7' for mpc_node; known: ",
     ),
     "refused parameter": (["good.csv", "--params", "refused.yaml"], "preview_time"),
+    "no process": (["good.csv", "--jobs", "0"], "--jobs 0: 1 or more is expected"),
     "unknown node": (
         ["good.csv", "--params", "node.yaml"],
         "unknown node '/**/mcp_node'; there are: /**, mpc_node, observer_node",

@@ -148,6 +148,8 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
 def main_evaluate(arguments: list[str]) -> int:
     """The command line of `evaluate`."""
     options = _parse(arguments)
+    if options.jobs < 1:
+        raise UserError(f"--jobs {options.jobs}: 1 or more is expected")
     question = Question(
         options.profile,
         graph_settings(options.profile, options.params),
@@ -170,8 +172,6 @@ def main_evaluate(arguments: list[str]) -> int:
 def _evaluate_several(drives: list[Path], question: Question, options: argparse.Namespace) -> int:
     if options.report:
         raise UserError("--report makes the page of one drive; give one")
-    if options.jobs < 1:
-        raise UserError(f"--jobs {options.jobs}: 1 or more is expected")
     results = evaluate_all(
         drives,
         question,
