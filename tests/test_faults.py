@@ -13,6 +13,8 @@ from lfd_mpc.samples import (
     RadarSample,
     ScalarSample,
 )
+from lfd_replay.command_line import idle_faults
+from lfd_replay.drive import Drive
 from lfd_replay.fault_injector import LiveFaults
 from lfd_replay.faults import FaultInjector, parse_faults, truth_windows
 from lfd_replay.score import SIGNALS, Timeline, score, score_sensor, shown, summary_rows
@@ -46,6 +48,34 @@ def test_start_is_included_and_end_is_not(at: float, faulty: bool) -> None:
 def test_offset_of_several_signals_acts_on_each() -> None:
     (sample,) = inject("offset:clearance=4,relative_velocity=-10@1-2", [radar(1)])
     assert (sample.clearance, sample.relative_velocity) == (34.0, -11.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("offset:clearance=4@3-4", ""),
+        ("offset:acceleration=4@0-1", ""),
+        ("dropout:radar@1-2", ""),
+        (
+            "offset:clearance=4,acceleration=1@1-2",
+            "fault 'offset:clearance=4,acceleration=1@1-2' does nothing to clearance: "
+            "no sample from 1 to 2 s",
+        ),
+        (
+            "dropout:radar@0-0.5",
+            "fault 'dropout:radar@0-0.5' does nothing to clearance and relative_velocity: "
+            "no sample from 0 to 0.5 s",
+        ),
+        ("zero:host_speed@1-2", "fault 'zero:host_speed@1-2' does nothing to host_speed: "),
+        ("zero:clearance@5-6", "fault 'zero:clearance@5-6' starts after the end of the drive (4.0"),
+    ],
+)
+def test_a_fault_that_meets_no_sample_is_told_of(text: str, said: str) -> None:
+    """Not found, it would look like one that was missed."""
+    empty = RadarSample(ZERO + 1_000_000_000, False, math.nan, math.nan)
+    samples = [accel(0), empty, accel(1), accel(2), radar(3), accel(4)]
+    told = idle_faults(Drive("drive", samples), parse_faults([text]))
+    assert (told[0] if told else "").startswith(said) and len(told) == bool(said)
 
 
 def test_ramp_gain_zero_and_spike() -> None:

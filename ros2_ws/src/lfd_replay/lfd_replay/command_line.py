@@ -75,18 +75,25 @@ def counting_progress() -> Progress:
     return Progress(*columns, console=console, disable=not console.is_terminal)
 
 
-def late_faults(drive: Drive, faults: list[Fault]) -> list[str]:
-    """Faults that a drive is too short for, in words."""
-    return [
-        f"fault '{fault.text}' starts after the end of the drive ({drive.duration:.1f} s)"
-        for fault in faults
-        if fault.start * 1e-9 > drive.duration
-    ]
+def idle_faults(drive: Drive, faults: list[Fault]) -> list[str]:
+    """Faults that change nothing of a drive, in words: none of them can be found."""
+    said = []
+    for fault in faults:
+        if fault.start * 1e-9 > drive.duration:
+            said.append(
+                f"fault '{fault.text}' starts after the end of the drive ({drive.duration:.1f} s)"
+            )
+            continue
+        spared = [s for s in fault.signals if not fault.meets(s, drive.samples, drive.zero)]
+        if spared:
+            within = f"no sample from {fault.start * 1e-9:g} to {fault.end * 1e-9:g} s"
+            said.append(f"fault '{fault.text}' does nothing to {' and '.join(spared)}: {within}")
+    return said
 
 
 def warn(drive: Drive, faults: list[Fault]) -> None:
     """Say on stderr what was accepted although it looks odd."""
-    say_warnings(drive.name, [*drive.warnings, *late_faults(drive, faults)])
+    say_warnings(drive.name, [*drive.warnings, *idle_faults(drive, faults)])
 
 
 def say_warnings(name: str, warnings: Iterable[str]) -> None:

@@ -17,7 +17,7 @@ from lfd_mpc.samples import Sample
 from lfd_replay.command_line import (
     add_drive_options,
     add_profile_option,
-    late_faults,
+    idle_faults,
     print_table,
     result_table,
     warn,
@@ -66,7 +66,7 @@ def _judge(path: Path, question: Question) -> tuple[Drive, dict, Timeline]:
         line = row_timeline(graph.rows(_with_faults(drive, question)), drive.zero)
         elapsed = reading + time.perf_counter() - began
     result = _figures(path, drive, question, line, elapsed)
-    said = (*drive.warnings, *late_faults(drive, question.faults), *_not_judged(drive, result))
+    said = (*drive.warnings, *idle_faults(drive, question.faults), *_not_judged(drive, result))
     return replace(drive, warnings=said), result, line
 
 

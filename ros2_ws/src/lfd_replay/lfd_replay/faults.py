@@ -46,6 +46,18 @@ class Fault:
         """The signals that the fault acts on."""
         return tuple(name for name, _ in self.values)
 
+    def meets(self, signal: str, samples: Iterable[Sample], zero: int) -> bool:
+        """Whether any sample holds this signal of the fault within its time."""
+        start, end = zero + self.start, zero + self.end
+        name = RADAR if signal in RADAR_SIGNALS else signal
+        even_empty = _silences(self, signal)
+        return any(
+            start <= sample.stamp < end
+            and sample.input == name
+            and (even_empty or not isinstance(sample, RadarSample) or sample.has_target)
+            for sample in samples
+        )
+
 
 _TIME = r"(\d+(?:\.\d*)?|\.\d+)"
 _FAULT = re.compile(rf"\s*([a-z_]+):([^@]+)@{_TIME}-{_TIME}\s*")
