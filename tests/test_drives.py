@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from esr_frames import candump, scan_frames
+from rich.table import Table
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -411,6 +412,16 @@ def test_the_title_of_a_table_is_one_line_however_narrow_the_table(capsys) -> No
     title = f"/a/long/[path]/{'x' * 150}.csv: 10.0 s"
     print_table(result_table({}, title))
     assert capsys.readouterr().out.splitlines()[0] == title
+
+
+def test_a_word_that_is_too_long_for_its_column_is_broken_and_not_cut_off(capsys) -> None:
+    words = [f"{letter * 40}=-{number}" for letter, number in zip("abcdef", range(6), strict=True)]
+    table = Table(*"123456")
+    table.add_row(*words)
+    print_table(table)
+    printed = capsys.readouterr().out
+    assert "…" not in printed
+    assert all(printed.count(word[0]) == 40 and word[-3:] in printed for word in words)
 
 
 PRINTS = """

@@ -113,9 +113,12 @@ def result_table(sensors: dict[str, dict], title: str) -> Table:
 def print_table(table: Table) -> None:
     """Print a table; where nobody knows how wide the output is, wide enough for all of it.
 
-    Its title is a line of its own, which a narrow table does not break.
+    Its title is a line of its own, which a narrow table does not break. Long words are broken
+    rather than cut off: two faults may differ at their ends only.
     """
     console = Console()
+    for column in table.columns:
+        column.overflow = "fold"
     if table.title:
         console.print(table.title, markup=False, highlight=False, soft_wrap=True)
         table.title = None

@@ -23,6 +23,7 @@ from rich.table import Table
 from lfd_diagnosis.verdict import Report, State
 from lfd_mpc.errors import UserError
 from lfd_mpc.settings import STEP_S
+from lfd_replay.command_line import print_table
 from lfd_replay.drawing.figure_page import table_html, write_page
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
@@ -341,7 +342,7 @@ def leave(rows: list[dict[str, Any]], out: Path, console: Console) -> None:
             printed.add_column(column)
         for row in made:
             printed.add_row(*row)
-        console.print(printed)
+        print_table(printed)
         body += [f"<h2>{title}</h2>", table_html(columns, made)]
     met = goals(rows)
     for name, holds, figure in met:
