@@ -13,6 +13,7 @@ from lfd_diagnosis.healthy_signal import (
     is_rough,
     learn_noise,
     note_change,
+    resolution_of,
     start_noise,
     start_repetition,
     start_roughness,
@@ -64,6 +65,29 @@ def test_roughness_is_blind_to_smooth_motion_and_to_one_outlier() -> None:
     for k in range(200, 216):
         take_roughness(roughness, 0.05 * k, random.gauss(0.0, 1.0), False, 0.0)
     assert is_rough(roughness)
+
+
+def _stairs(roughness, first: int, seconds: int, healthy: bool, rate: float = 0.0) -> int:
+    """A signal of 0.25 m a step at 20 Hz, which drifts away by so much a second."""
+    random = Random(first)
+    for k in range(20 * seconds):
+        value = 0.25 * round(4.0 * random.gauss(0.0, 1.0)) + rate * 0.05 * k
+        take_roughness(roughness, 0.05 * (first + k), value, healthy, 0.0)
+    return first + 20 * seconds
+
+
+def test_a_drift_teaches_no_resolution_until_it_is_found() -> None:
+    roughness = make_state(ROUGHNESS)[0]
+    start_roughness(roughness, 16)
+    at = _stairs(roughness, 0, 20, True)
+    assert resolution_of(roughness) == pytest.approx(0.25)
+    at = _stairs(roughness, at, 9, True, rate=-1.0)
+    at = _stairs(roughness, at, 5, False, rate=-1.0)
+    at = _stairs(roughness, at, 40, True)
+    assert resolution_of(roughness) == pytest.approx(0.25)
+    # What is healthy for longer is finer than it seemed.
+    _stairs(roughness, at, 21, True, rate=-1.0)
+    assert resolution_of(roughness) == pytest.approx(0.05)
 
 
 def test_repetition_is_told_from_what_the_signal_used_to_do() -> None:

@@ -147,6 +147,9 @@ def learn_noise(noise, innovation, predicted_variance):
 LEAST_STEPS = 5
 """Of the steps between two samples so many are kept, the least ones."""
 
+PROVEN = 10.0
+"""Seconds within which a drift is found, or is too slow to make a step look smaller."""
+
 ROUGHNESS = np.dtype(
     [
         ("recent", "i1", (WIDEST_WINDOW,)),
@@ -160,6 +163,8 @@ ROUGHNESS = np.dtype(
         ("usual", "f8"),
         ("resolution", "f8"),
         ("least_steps", "f8", (LEAST_STEPS,)),
+        ("proving", "f8", (2, LEAST_STEPS)),
+        ("proven_at", "f8"),
         ("known", "i8"),
     ],
     align=True,
@@ -171,7 +176,9 @@ the `known` healthy ones, in the square of the signal's unit; of the last `windo
 (`count`) exceeded their limit (`recent`). `before`: the last two values that differed, so many as
 are there (`samples_before`). `resolution` is the largest of the `least_steps` seen between two
 samples, infinite before any was seen: an odd value of a coarse sensor makes two steps that are too
-small.
+small. Later than `PROVEN` from the first sample on (`proven_at`), smaller ones count only once they
+are `proving` for as long without a fault: a drift that is not found yet makes small steps of coarse
+ones.
 """
 
 
@@ -183,6 +190,8 @@ def start_roughness(roughness, window):
     roughness.usual = 0.0
     roughness.resolution = np.inf
     roughness.least_steps[:] = np.inf
+    roughness.proving[:, :] = np.inf
+    roughness.proven_at = -np.inf
 
 
 @inner
@@ -227,14 +236,37 @@ def _spacing(roughness, at):
 
 
 @inner
-def _learn_step(roughness, step):
-    """One of the least steps so far."""
-    steps = roughness.least_steps
+def _keep_step(steps, step):
+    """One of the least steps, if it is less than one of them."""
     k = LEAST_STEPS - 1
+    if not EQUAL < step < steps[k]:
+        return
     while k and step < steps[k - 1]:
         steps[k] = steps[k - 1]
         k -= 1
     steps[k] = step
+
+
+@inner
+def _learn_step(roughness, at, step, healthy):
+    """Learn the resolution from a step at time `at` (s)."""
+    steps, proving = roughness.least_steps, roughness.proving
+    if not isfinite(roughness.proven_at):
+        roughness.proven_at = at + PROVEN
+    if not healthy:
+        proving[:, :] = np.inf
+        roughness.proven_at = max(roughness.proven_at, at)
+        return
+    if at < roughness.proven_at:
+        _keep_step(steps, step)
+    else:
+        _keep_step(proving[1], step)
+    if at > roughness.proven_at + PROVEN:
+        for i in range(LEAST_STEPS):
+            _keep_step(steps, proving[0, i])
+        proving[0, :] = proving[1, :]
+        proving[1, :] = np.inf
+        roughness.proven_at = at
     for i in range(LEAST_STEPS):
         if isfinite(steps[i]):
             roughness.resolution = steps[i]
@@ -262,8 +294,7 @@ def take_roughness(roughness, at, value, healthy, possible):
         before[0] = value
         return
     first = abs(value - before[1])
-    if EQUAL < first < roughness.least_steps[-1] and healthy:
-        _learn_step(roughness, first)
+    _learn_step(roughness, at, first, healthy)
     repeats = first <= EQUAL
     square = 0.0
     if not repeats:
