@@ -768,3 +768,22 @@ def test_a_jump_back_is_told_beside_a_noise_that_is_overestimated(
     assert car.outcomes[-1].report.clearance.state == State.FAULT
     drive(1.0, 0.3)
     assert car.outcomes[-1].report.clearance.state == State.OK
+
+
+@pytest.mark.parametrize(("wavers", "noise"), [(0.13, False), (0.19, True)])
+def test_a_calm_clearance_may_waver_by_a_little(wavers: float, noise: bool) -> None:
+    """Recorded radars change between two points of a car that lie a quarter of a metre apart."""
+    car = Car()
+
+    def drive(seconds: float, off: float) -> None:
+        for _ in range(round(20 * seconds)):
+            off = -off
+            for _ in range(SCAN):
+                car.step(clearance_is=car.clearance + off)
+
+    drive(15.0, 0.002)
+    since = len(car.outcomes)
+    drive(3.0, wavers)
+    assert car.faults_since(since) == ({"clearance", "radar"} if noise else set())
+    if noise:
+        assert car.outcomes[-1].report.clearance.kind == Kind.NOISE

@@ -107,7 +107,7 @@ BIAS_SCANS = 40
 BESIDE_SHARE = 0.4
 """Share of a scan in what the clearance lately lay beside the track."""
 
-ROUGH_CLEARANCE, ROUGH_VELOCITY = 0.4, 0.2
+ROUGH_CLEARANCE, ROUGH_VELOCITY = 0.6, 0.2
 """Second differences in m and m/s that are not called rough, however smooth the radar was."""
 
 LEANING, LEANS = 3, 2.0
