@@ -26,7 +26,7 @@ from lfd_mpc.samples import (
     ScalarSample,
 )
 from lfd_replay.calibrate import main_calibrate
-from lfd_replay.command_line import print_table, result_table
+from lfd_replay.command_line import CountingProgress, print_table, result_table
 from lfd_replay.drive import make_drive, playing_times
 from lfd_replay.drive_bag import sample_message, typestore, write_drive
 from lfd_replay.errors import run_command
@@ -222,11 +222,24 @@ def test_one_wrong_stamp_moves_nothing_else() -> None:
     assert playing_times(drive.samples)[-1] == 1_990_000_000
 
 
+def test_without_a_terminal_progress_comes_in_lines(monkeypatch, capsys) -> None:
+    with CountingProgress() as progress:
+        bar = progress.add_task("evaluating", total=3)
+        progress.advance(bar)
+        assert capsys.readouterr().err == ""
+        monkeypatch.setattr("lfd_replay.command_line.QUIET_S", 0.0)
+        progress.advance(bar)
+    assert capsys.readouterr().err == "evaluating: 2 of 3\n"
+
+
 MISTAKES = {
     "no such file": (["nowhere.csv"], "no such file"),
     "no drive": (["notes.txt"], "is no drive"),
     "empty": (["empty.csv"], "is empty"),
     "missing column": (["no_range.csv"], "column 'range_m' is missing"),
+    "semicolons": (["semicolons.csv"], "has ';' between its columns; commas are expected"),
+    "tabs": (["tabs.csv"], "has tabs between its columns; commas are expected"),
+    "no time": (["timeless.csv"], "the time is missing or not finite; every line needs one"),
     "text": (["text.csv"], "'fast' is not a number"),
     "underscores": (["underscores.csv"], "'2_0.0' is not a number"),
     "a cell too many": (["wide.csv"], "line 3: has 6 cells, the header 5"),
@@ -311,6 +324,10 @@ def test_evaluate_ends_a_mistake_with_one_line(mistake, tmp_path, monkeypatch, c
     (tmp_path / "notes.txt").write_text("hello")
     (tmp_path / "empty.csv").write_text("")
     csv(tmp_path, "0,1,1,1", header=HEADER.replace(",range_m", ""), name="no_range.csv")
+    csv(tmp_path, "nan,30,-1,15,0.1", name="timeless.csv")
+    for name, mark in (("semicolons", ";"), ("tabs", "\t")):
+        text = "\n".join((HEADER, *ROWS))
+        (tmp_path / f"{name}.csv").write_text(text.replace(",", mark) + "\n")
     csv(tmp_path, "0,30,fast,15,0.1", name="text.csv")
     csv(tmp_path, "0,2_0.0,0,15,0.1", name="underscores.csv")
     csv(tmp_path, ROWS[0], "0.05,29,5,-1,15,0.1", name="wide.csv")

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure as Canvas
 from selenium import webdriver
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import Select, WebDriverWait
@@ -158,6 +159,25 @@ def test_each_figure_is_drawn_into_a_file(
         path = write_figure(figure, tmp_path / "figures")
         assert path.name == f"{figure.key}.png" and path.read_bytes()[:4] == b"\x89PNG"
         assert path.stat().st_size > 8000, figure.key
+
+
+def test_a_panels_legend_hides_no_line_of_it(
+    cases: list[Figure], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn, savefig = [], Canvas.savefig
+
+    def keep(canvas: Canvas, *args, **options) -> None:
+        drawn.append(canvas)
+        savefig(canvas, *args, **options)
+
+    monkeypatch.setattr(Canvas, "savefig", keep)
+    write_figure(cases[1], tmp_path)
+    legends = [(axes, axes.get_legend()) for axes in drawn[0].axes if axes.get_legend()]
+    assert "injected" in [text.get_text() for text in legends[-1][1].get_texts()]
+    for axes, legend in legends:
+        title = axes.get_title("left")
+        assert legend.get_window_extent().y0 >= axes.get_window_extent().y1, title
+        assert legend.get_window_extent().x0 > axes._left_title.get_window_extent().x1, title
 
 
 def test_each_figure_says_what_it_shows(cases: list[Figure], figures: list[Figure]) -> None:

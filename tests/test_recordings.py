@@ -451,7 +451,7 @@ def test_an_offset_is_told_at_standstill(tmp_path: Path, capsys) -> None:
 @pytest.mark.parametrize(
     ("option", "said"),
     [
-        (["--imu-rotation", "1,2"], "3 numbers with commas between is expected"),
+        (["--imu-rotation", "1,2"], "3 numbers with commas between are expected"),
         (["--imu-offset", "much"], "a number is expected"),
         (["--host-dbc", "car.dbc"], "--host-dbc needs --speed-signal"),
         (["--host-dbc", "DBC", *ON_CAN], "--host-dbc: no topic of type can_msgs/msg/Frame"),

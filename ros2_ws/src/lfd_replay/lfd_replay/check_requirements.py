@@ -11,7 +11,7 @@ from typing import Any
 from rich.table import Table
 
 from lfd_mpc.errors import UserError
-from lfd_replay.command_line import counting_progress, parse_campaign, print_table
+from lfd_replay.command_line import CountingProgress, parse_campaign, print_table
 from lfd_replay.errors import run_command
 from lfd_replay.evaluation.requirements import campaign, plan
 from lfd_replay.evaluation.summary import REQUIREMENT_COLUMNS, requirement_rows
@@ -50,7 +50,7 @@ def main_check(arguments: list[str]) -> int:
         titles = ", ".join(row.title for row in every)
         raise UserError(f"no row's title contains '{options.title}'; there are: {titles}")
     journal = Journal(options.out / "journal.jsonl", recorded)
-    with counting_progress() as progress, workers(options.jobs) as pool:
+    with CountingProgress() as progress, workers(options.jobs) as pool:
         runs = len({run.key for row in rows for run in row.runs})
         bar = progress.add_task("checking", total=runs)
 

@@ -3,11 +3,19 @@
 import argparse
 import os
 import sys
+import time
 from collections.abc import Iterable
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+)
 from rich.table import Table
 
 from lfd_mpc.errors import UserError
@@ -63,16 +71,32 @@ def parse_campaign(
     return options
 
 
-def counting_progress() -> Progress:
-    """A bar that counts what is done, on stderr, where that is a terminal."""
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    return Progress(*columns, console=console, disable=not console.is_terminal)
+QUIET_S = 30.0
+"""Seconds between the lines that tell of progress where no bar can be drawn."""
+
+
+class CountingProgress(Progress):
+    """A bar that counts what is done, on stderr; lines now and then where that is no terminal."""
+
+    def __init__(self) -> None:
+        """A bar without tasks."""
+        console = Console(stderr=True)
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+        )
+        super().__init__(*columns, console=console, disable=not console.is_terminal)
+        self._said_at = time.monotonic()
+
+    def advance(self, task_id: TaskID, advance: float = 1.0) -> None:
+        """So much more is done."""
+        super().advance(task_id, advance)
+        now = time.monotonic()
+        if self.disable and now - self._said_at >= QUIET_S:
+            self._said_at, task = now, self.tasks[task_id]
+            print(f"{task.description}: {task.completed:g} of {task.total:g}", file=sys.stderr)
 
 
 def idle_faults(drive: Drive, faults: list[Fault]) -> list[str]:

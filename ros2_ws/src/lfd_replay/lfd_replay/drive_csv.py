@@ -75,6 +75,10 @@ class Table:
         if len(there) < 2:
             raise UserError(f"{path}: is empty; a header and at least one row are expected")
         self.header = [name.strip() for name in there[0][1]]
+        between = next((mark for mark in (";", "\t") if mark in self.header[0]), None)
+        if between and len(self.header) == 1:
+            mark = "tabs" if between == "\t" else f"'{between}'"
+            raise UserError(f"{path}: has {mark} between its columns; commas are expected")
         self._lines, self._rows = zip(*there[1:], strict=True)
         self._refuse_long_rows()
         ended = text.endswith(("\n", "\r"))
@@ -141,7 +145,10 @@ class Table:
         stamps: list[int] = []
         for line, seconds in zip(self._lines, self.column("t_s"), strict=True):
             if seconds is None or not isfinite(seconds):
-                raise UserError(f"{self.path}: line {line}: the time is missing or not finite")
+                raise UserError(
+                    f"{self.path}: line {line}: the time is missing or not finite; every line "
+                    "needs one, in seconds"
+                )
             stamp = self._nanoseconds(line, seconds)
             if stamp < 0:
                 raise UserError(f"{self.path}: line {line}: the time {seconds} s is negative")

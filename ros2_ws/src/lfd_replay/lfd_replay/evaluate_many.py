@@ -14,7 +14,7 @@ from rich.table import Table
 from lfd_diagnosis.verdict import SIGNALS
 from lfd_mpc.errors import UserError
 from lfd_mpc.settings import STEP_NS
-from lfd_replay.command_line import counting_progress, say_warnings
+from lfd_replay.command_line import CountingProgress, say_warnings
 from lfd_replay.errors import refusal
 from lfd_replay.journal import Journal, Task, run_tasks, workers
 from lfd_replay.read_drive import is_drive
@@ -106,7 +106,7 @@ def evaluate_all(
     ]
     kept = journal_file(out, paths)
     journal = Journal(kept)
-    with counting_progress() as progress, workers(jobs, scheduler) as pool:
+    with CountingProgress() as progress, workers(jobs, scheduler) as pool:
         bar = progress.add_task("evaluating", total=len(tasks))
         try:
             results = run_tasks(tasks, journal, pool, lambda: progress.advance(bar))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from lfd_replay.command_line import counting_progress, parse_campaign, print_table
+from lfd_replay.command_line import CountingProgress, parse_campaign, print_table
 from lfd_replay.errors import run_command
 from lfd_replay.evaluation import summary
 from lfd_replay.evaluation.campaign import evaluate_paper, full, plain
@@ -37,7 +37,7 @@ def main_paper_evaluation(arguments: list[str]) -> int:
     settings = graph_settings("paper", options.params)
     recorded = recorded_drive(options.recorded)
     started = time.perf_counter()
-    with counting_progress() as progress, workers(options.jobs) as pool:
+    with CountingProgress() as progress, workers(options.jobs) as pool:
         bar = progress.add_task("evaluating", total=size.tasks)
         found = evaluate_paper(
             size, settings, recorded, options.out / "work", pool, lambda: progress.advance(bar)

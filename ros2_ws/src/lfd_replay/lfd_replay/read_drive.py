@@ -130,8 +130,8 @@ def _numbers(option: str, text: str, count: int) -> list[float]:
     except ValueError:
         values = []
     if len(values) != count or not all(map(isfinite, values)):
-        wanted = "a number" if count == 1 else f"{count} numbers with commas between"
-        raise UserError(f"{option} {text}: {wanted} is expected")
+        wanted = "a number is" if count == 1 else f"{count} numbers with commas between are"
+        raise UserError(f"{option} {text}: {wanted} expected")
     return values
 
 

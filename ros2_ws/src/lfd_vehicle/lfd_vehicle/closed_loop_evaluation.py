@@ -7,7 +7,7 @@ paper's comparison of predictions, here where the controller does drive.
 import argparse
 import json
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
 from itertools import product
@@ -17,13 +17,12 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
 from lfd_diagnosis.verdict import Report, State
 from lfd_mpc.errors import UserError
 from lfd_mpc.settings import STEP_S
-from lfd_replay.command_line import print_table
+from lfd_replay.command_line import CountingProgress, print_table
 from lfd_replay.drawing.figure_page import table_html, write_page
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
@@ -151,21 +150,15 @@ def cases(full: bool) -> list[Case]:
     return made
 
 
-def run_all(chosen: Sequence[Case], jobs: int, console: Console) -> list[dict[str, Any]]:
+def run_all(chosen: Sequence[Case], jobs: int) -> list[dict[str, Any]]:
     """Run in processes, with one progress bar; in the order of the cases."""
     rows: list[dict[str, Any] | None] = [None] * len(chosen)
-    with workers(jobs) as pool:
+    with CountingProgress() as progress, workers(jobs) as pool:
+        bar = progress.add_task("closed loop", total=len(chosen))
         running = {pool.submit(run_case, case): number for number, case in enumerate(chosen)}
-        done: Iterable = track(
-            as_completed(running),
-            "closed loop",
-            total=len(chosen),
-            console=console,
-            transient=True,
-            disable=not console.is_terminal,
-        )
-        for future in done:
+        for future in as_completed(running):
             rows[running[future]] = future.result()
+            progress.advance(bar)
     return [row for row in rows if row is not None]
 
 
@@ -374,7 +367,7 @@ def main_closed_loop(arguments: list[str]) -> int:
         raise UserError(f"--jobs {options.jobs}: 1 or more is expected")
     make_folder(options.out)
     console = Console(soft_wrap=True)
-    leave(run_all(cases(options.full), options.jobs, console), options.out, console)
+    leave(run_all(cases(options.full), options.jobs), options.out, console)
     return 0
 
 

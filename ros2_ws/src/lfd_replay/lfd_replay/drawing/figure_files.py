@@ -27,8 +27,8 @@ from lfd_replay.drawing.figures import (
 WIDTH, HEIGHT = 9.0, 1.9
 """Of a figure, and of one row of panels, in inches."""
 
-LEGEND_COLUMNS = 6
-"""Names of a shared legend that a figure is wide enough for."""
+LEGEND_COLUMNS, BESIDE_TITLE = 6, 3
+"""Names that a figure is wide enough for, in a shared legend and beside a panel's title."""
 
 
 def write_figure(figure: Figure, folder: Path) -> Path:
@@ -46,7 +46,7 @@ def write_figure(figure: Figure, folder: Path) -> Path:
     for place, panel in zip(axes, figure.panels, strict=False):
         _draw(place, panel, last=not share or panel is figure.panels[-1])
         if figure.columns == 1:
-            _legend(place, panel)
+            _legend(place)
     for place in axes[len(figure.panels) :]:
         place.set_visible(False)
     if figure.columns > 1:
@@ -96,10 +96,20 @@ def _draw(axes, panel: Panel, last: bool) -> None:
         axes.set_ylim(-0.5, len(panel.lanes) - 0.5)
 
 
-def _legend(axes, panel: Panel) -> None:
+def _legend(axes) -> None:
+    """Above the panel, where it hides no line."""
     handles, labels = axes.get_legend_handles_labels()
-    if len(labels) > 1 and not panel.lanes:
-        axes.legend(handles, labels, fontsize=6, frameon=False, ncols=min(len(labels), 4))
+    if len(labels) > 1:
+        axes.legend(
+            handles,
+            labels,
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            borderaxespad=0.1,
+            fontsize=6,
+            frameon=False,
+            ncols=min(len(labels), BESIDE_TITLE),
+        )
 
 
 def _mark(axes, mark: Mark) -> None:
@@ -132,9 +142,12 @@ def _mark(axes, mark: Mark) -> None:
     elif isinstance(mark, HeatMap):
         _heat_map(axes, mark)
     elif isinstance(mark, Spans):
+        style = {"color": mark.colour, "lw": 5, "solid_capstyle": "butt"}
         for start, end in mark.intervals:
             lane = mark.lane + mark.shift
-            axes.plot([start, end], [lane, lane], color=mark.colour, lw=5, solid_capstyle="butt")
+            axes.plot([start, end], [lane, lane], **style)
+        if mark.legend:
+            axes.plot([], [], label=mark.name, **style)
     elif isinstance(mark, Limit):
         axes.axhline(mark.y, color=mark.colour, ls="--", lw=0.8)
 
