@@ -24,6 +24,10 @@ class Action(IntEnum):
     BRAKE = 4
 
 
+LEAST_ROOM = 0.5
+"""m that braking is reckoned with at least: nearer, or too near already, it would be infinite."""
+
+
 @dataclass(slots=True)
 class Decision:
     """The fields, units and meanings of `lfd_msgs/Decision`; `stamp` and `since` in ns."""
@@ -50,4 +54,4 @@ def braking_needed(clearance: float, relative_velocity: float, room: float) -> f
     does not come nearer, or is not seen."""
     if not (isfinite(clearance) and isfinite(relative_velocity)) or relative_velocity >= 0.0:
         return 0.0
-    return relative_velocity * relative_velocity / (2.0 * max(clearance - room, 0.5))
+    return relative_velocity * relative_velocity / (2.0 * max(clearance - room, LEAST_ROOM))

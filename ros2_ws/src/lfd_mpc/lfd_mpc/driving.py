@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from lfd_mpc.box_qp import solve_box_entry
 from lfd_mpc.controller import roll_out_entry
-from lfd_mpc.decision import Action, Decision, braking_needed
+from lfd_mpc.decision import Action, Decision, FaultLevel, braking_needed
 from lfd_mpc.following_model import STATES, build_following_model
 from lfd_mpc.horizon import Horizon, Mpc
 from lfd_mpc.settings import STEP_NS, STEP_S, MpcSettings
@@ -60,6 +60,8 @@ SOFT = 0.7
 HARD = 1.5
 """Deceleration in m/s^2 that must be needed before the jerk is more than comfortable."""
 
+HARDER = 2.0
+"""m/s^2 needed beyond `HARD` at which the jerk is that of an emergency."""
 
 STOPS = (Action.STOP, Action.BRAKE)
 """Actions that brake as hard as was decided."""
@@ -103,6 +105,35 @@ class Lead(NamedTuple):
     acceleration: float
 
 
+class Host(NamedTuple):
+    """The own car as it is driven by: m/s^2 and m/s (NaN: not known), and where they come from."""
+
+    acceleration: float
+    acceleration_source: Source
+    speed: float
+    speed_source: Source
+
+    @property
+    def stands(self) -> bool:
+        """Whether it is known to stand."""
+        return isfinite(self.speed) and self.speed < STANDING
+
+
+class Order(NamedTuple):
+    """What is to be done in a step: as was decided, or in place of a decision.
+
+    `age` in s: of the decision, or of the wait for one; `undecided`: whether the car is stopped
+    because no decision came in time.
+    """
+
+    decision: Decision | None
+    action: Action
+    level: int
+    reason: str
+    age: float
+    undecided: bool
+
+
 class CarDriver:
     """One command per step of the controller; keeps what it sent before."""
 
@@ -111,7 +142,7 @@ class CarDriver:
         self._settings = settings
         self._model = build_following_model(settings)
         self._plan = np.empty(settings.control_steps)
-        self._from = np.zeros(len(STATES))
+        self._start = np.zeros(len(STATES))
         self._decision: Decision | None = None
         self._undecided_since: int | None = None
         self._ever_decided = False
@@ -135,6 +166,39 @@ class CarDriver:
 
     def drive(self, horizon: Horizon) -> DrivingState:
         """The command for one step, and what it rests on."""
+        order = self._take_order(horizon)
+        velocity, velocity_source = self._relative_velocity(horizon, order.decision)
+        clearance, clearance_source = self._clearance(horizon, order, velocity)
+        acceleration, acceleration_source = self._acceleration(horizon, order.decision)
+        speed, speed_source = self._carry_host_speed(horizon, order.decision, acceleration)
+        host = Host(acceleration, acceleration_source, speed, speed_source)
+        lead = Lead(clearance, velocity, self._lead_acceleration(order.decision, acceleration))
+        desired = self._desired_clearance(order.action, speed, clearance)
+        self._command = self._gently(*self._aim(horizon, order, lead, host, desired))
+        reason = order.reason
+        if isnan(speed) and not reason:
+            reason = "the own speed is not known: the car does not speed up"
+        return DrivingState(
+            stamp=horizon.stamp,
+            step=horizon.step,
+            level=order.level,
+            action=int(order.action),
+            command=self._command,
+            desired_clearance=desired,
+            clearance=clearance,
+            clearance_source=int(clearance_source),
+            relative_velocity=velocity,
+            relative_velocity_source=int(velocity_source),
+            acceleration=acceleration,
+            acceleration_source=int(acceleration_source),
+            host_speed=speed,
+            host_speed_source=int(speed_source),
+            holding=self._holding,
+            reason=reason,
+        )
+
+    def _take_order(self, horizon: Horizon) -> Order:
+        """The newest decision, unless it is too old or of a time before a restart went back."""
         settings, decision = self._settings, self._decision
         if decision is not None and horizon.restart and decision.stamp > horizon.stamp:
             decision = self._decision = None
@@ -147,78 +211,43 @@ class CarDriver:
             self._undecided_since = None
             since, patience = decision.stamp, settings.decision_timeout
         age = (horizon.stamp - since) * 1e-9
-        undecided = abs(age) - patience > 0.5 * STEP_S
-        if undecided:
-            action, level = Action.STOP, 2
+        # Half a step more: a decision of exactly that age is in time, however it is rounded.
+        if abs(age) - patience > 0.5 * STEP_S:
             reason = f"no decision for {age:.2f} s: the car is stopped"
             if age < 0.0:
                 reason = f"a decision of {-age:.2f} s later: the car is stopped"
-        elif decision is None:
+            return Order(decision, Action.STOP, int(FaultLevel.TAKE_OVER), reason, age, True)
+        if decision is None:
             # Before the first one there is nothing that speaks against a sensor.
-            action, level, reason = Action.FOLLOW, 0, "no decision yet"
-        else:
-            action, level, reason = decision.action, int(decision.level), decision.reason
-        lead = self._lead(horizon, decision, max(age, 0.0))
-        clearance, clearance_source, velocity, velocity_source = lead
-        acceleration, acceleration_source = self._acceleration(horizon, decision)
-        speed, speed_source = self._host_speed(horizon, decision, acceleration)
-        gap = settings.degraded_gap if action != Action.FOLLOW else 1.0
-        # Where the speed is not known any more, as far as it was last.
-        known = speed if isfinite(speed) else self._speed
-        if isfinite(known):
-            desired = settings.minimum_clearance + gap * settings.preview_time * max(known, 0.0)
-        else:
-            # No nearer than now, where that is known.
-            desired = max(settings.minimum_clearance, clearance)
-        relative = nan if decision is None else decision.relative_acceleration
-        lead_acceleration = relative + acceleration if isfinite(relative) else 0.0
-        known_lead = Lead(clearance, velocity, lead_acceleration)
-        if isnan(speed) and not reason:
-            reason = "the own speed is not known: the car does not speed up"
-        own = acceleration, speed, speed_source == Source.MEASURED
-        wanted, jerk = self._wanted(horizon, action, undecided, known_lead, own, desired)
-        if self._holding and action != Action.BRAKE:
-            wanted = HOLDING if isfinite(speed) and speed < STANDING else STOPPING
-        self._command = self._gently(wanted, jerk)
-        return DrivingState(
-            horizon.stamp,
-            horizon.step,
-            level,
-            int(action),
-            self._command,
-            desired,
-            clearance,
-            int(clearance_source),
-            velocity,
-            int(velocity_source),
-            acceleration,
-            int(acceleration_source),
-            speed,
-            int(speed_source),
-            self._holding,
-            reason,
+            level = int(FaultLevel.NORMAL)
+            return Order(None, Action.FOLLOW, level, "no decision yet", age, False)
+        return Order(
+            decision, decision.action, int(decision.level), decision.reason, age, undecided=False
         )
 
-    def _lead(self, horizon: Horizon, decision: Decision | None, age: float) -> tuple:
-        """Clearance (m) and relative velocity (m/s) now, each with its source."""
-        velocity, velocity_source = nan, Source.NONE
-        clearance, clearance_source = nan, Source.NONE
+    @staticmethod
+    def _relative_velocity(horizon: Horizon, decision: Decision | None) -> tuple[float, Source]:
         usable = decision is None or decision.relative_velocity_usable
         usable = usable and horizon.has_target and not horizon.relative_velocity_stale
         if usable and isfinite(horizon.measured_relative_velocity):
-            velocity, velocity_source = horizon.measured_relative_velocity, Source.MEASURED
-        elif decision is not None and isfinite(decision.relative_velocity):
-            velocity, velocity_source = decision.relative_velocity, Source.RECONSTRUCTED
+            return horizon.measured_relative_velocity, Source.MEASURED
+        if decision is not None and isfinite(decision.relative_velocity):
+            return decision.relative_velocity, Source.RECONSTRUCTED
+        return nan, Source.NONE
+
+    @staticmethod
+    def _clearance(horizon: Horizon, order: Order, velocity: float) -> tuple[float, Source]:
+        """Carried to now by the relative velocity, where that is known."""
+        decision = order.decision
+        velocity = velocity if isfinite(velocity) else 0.0
         usable = decision is None or decision.clearance_usable
         usable = usable and horizon.has_target and not horizon.clearance_stale
         if usable and isfinite(horizon.measured_clearance):
-            carried = velocity * horizon.clearance_age if isfinite(velocity) else 0.0
-            clearance = horizon.measured_clearance + carried
-            clearance_source = Source.MEASURED
-        elif decision is not None and isfinite(decision.clearance):
-            carried = velocity * age if isfinite(velocity) else 0.0
-            clearance, clearance_source = decision.clearance + carried, Source.RECONSTRUCTED
-        return clearance, clearance_source, velocity, velocity_source
+            carried = velocity * horizon.clearance_age
+            return horizon.measured_clearance + carried, Source.MEASURED
+        if decision is not None and isfinite(decision.clearance):
+            return decision.clearance + velocity * max(order.age, 0.0), Source.RECONSTRUCTED
+        return nan, Source.NONE
 
     def _acceleration(self, horizon: Horizon, decision: Decision | None) -> tuple[float, Source]:
         if (decision is None or decision.acceleration_usable) and not horizon.acceleration_stale:
@@ -228,7 +257,13 @@ class CarDriver:
         # What was commanded is the best guess that is left.
         return self._command, Source.NONE
 
-    def _host_speed(
+    @staticmethod
+    def _lead_acceleration(decision: Decision | None, acceleration: float) -> float:
+        """As reconstructed; else the lead is said to keep its speed."""
+        relative = nan if decision is None else decision.relative_acceleration
+        return relative + acceleration if isfinite(relative) else 0.0
+
+    def _carry_host_speed(
         self, horizon: Horizon, decision: Decision | None, acceleration: float
     ) -> tuple[float, Source]:
         """Measured, or one from before it was doubted, carried on by the acceleration."""
@@ -249,79 +284,97 @@ class CarDriver:
         self._speed_stamp = horizon.stamp
         return self._speed, Source.RECONSTRUCTED
 
-    def _wanted(
-        self,
-        horizon: Horizon,
-        action: Action,
-        undecided: bool,
-        lead: Lead,
-        own: tuple[float, float, bool],
-        desired: float,
-    ) -> tuple[float, float]:
-        """Acceleration to go for in m/s^2, and the jerk that is allowed on the way.
+    def _desired_clearance(self, action: Action, speed: float, clearance: float) -> float:
+        """In m: eq 1, with a larger gap where something is wrong."""
+        settings = self._settings
+        gap = settings.degraded_gap if action != Action.FOLLOW else 1.0
+        # Where the speed is not known any more, as far as it was last.
+        known = speed if isfinite(speed) else self._speed
+        if isfinite(known):
+            return settings.minimum_clearance + gap * settings.preview_time * max(known, 0.0)
+        # No nearer than now, where that is known.
+        return max(settings.minimum_clearance, clearance)
 
-        `undecided`: whether it is stopped because no decision came in time. `own`: the car's
-        acceleration, its speed, and whether that is measured.
+    def _aim(
+        self, horizon: Horizon, order: Order, lead: Lead, host: Host, desired: float
+    ) -> tuple[float, float]:
+        """Acceleration to go for in m/s^2, and the jerk in m/s^3 that is allowed on the way.
+
+        Takes note of whether the car is held at a standstill. `desired`: clearance in m.
         """
-        settings, decision = self._settings, self._decision
-        acceleration, speed, measured = own
-        deceleration = settings.stopping_deceleration
-        if decision is not None and decision.action in STOPS:
-            decided = decision.deceleration
-            # The last word of a decision node that fell silent may be harder, not softer.
-            deceleration = max(deceleration, decided) if undecided else decided
+        settings, action = self._settings, order.action
+        deceleration = self._deceleration(order)
         if action == Action.BRAKE:
-            self._holding = isfinite(speed) and speed < STANDING
+            self._holding = host.stands
             return -deceleration, settings.emergency_jerk
-        cruise = 0.0
-        if isfinite(speed):
-            to_set_speed = (settings.set_speed - speed) / CRUISE_TIME
-            cruise = min(settings.comfortable_acceleration, to_set_speed)
-        if isfinite(lead.clearance) and isfinite(lead.velocity):
-            follow, jerk = self._follow(lead, acceleration, speed, desired)
-            wanted = min(follow, cruise)
-        elif not horizon.has_target and not horizon.clearance_stale:
-            # The radar works and sees an empty road.
-            self._holding = False
-            wanted, jerk = max(cruise, settings.acceleration_lower), settings.comfortable_jerk
-        else:
-            # Nobody speeds up towards what is not seen, or lets go of the brakes but to end a stop.
-            self._holding = self._holding or (isfinite(speed) and speed < STANDING)
-            least = 0.0 if action == Action.STOP else min(0.0, self._command)
-            wanted, jerk = min(cruise, least), settings.comfortable_jerk
+        wanted, jerk = self._aim_by_traffic(horizon, action, lead, host, desired)
         if action in (Action.WARN, Action.STOP):
             wanted = min(wanted, 0.0)
         if action == Action.STOP:
             # A speed that is carried may be too low.
-            soft = max(-STOPPING, SOFT * speed) if measured else deceleration
+            measured = host.speed_source == Source.MEASURED
+            soft = max(-STOPPING, SOFT * host.speed) if measured else deceleration
             wanted = min(wanted, -min(deceleration, soft))
             if deceleration > settings.stopping_deceleration:
                 jerk = settings.emergency_jerk
-            self._holding = self._holding or (isfinite(speed) and speed < STANDING)
+            self._holding = self._holding or host.stands
+        if self._holding:
+            wanted = HOLDING if host.stands else STOPPING
         return wanted, jerk
 
-    def _follow(
-        self, lead: Lead, acceleration: float, speed: float, desired: float
+    def _deceleration(self, order: Order) -> float:
+        """How hard a stop brakes, in m/s^2."""
+        least, decision = self._settings.stopping_deceleration, order.decision
+        if decision is None or decision.action not in STOPS:
+            return least
+        # The last word of a decision node that fell silent may be harder, not softer.
+        return max(least, decision.deceleration) if order.undecided else decision.deceleration
+
+    def _aim_by_traffic(
+        self, horizon: Horizon, action: Action, lead: Lead, host: Host, desired: float
     ) -> tuple[float, float]:
-        settings, model = self._settings, self._model
-        clearance, velocity, lead_acceleration = lead
-        # What must be braked to keep half the distance of a standstill behind this lead.
-        needed = braking_needed(clearance, velocity, 0.5 * settings.minimum_clearance)
-        needed += max(-lead_acceleration, 0.0) if velocity < 0.0 else 0.0
-        share = min(max((needed - HARD) / 2.0, 0.0), 1.0)
-        jerk = settings.comfortable_jerk + share * (
-            settings.emergency_jerk - settings.comfortable_jerk
-        )
-        self._from[:] = (
-            self._approach(clearance - desired),
-            velocity,
-            acceleration,
-            lead_acceleration,
+        """As `_aim`, by the lead and the set speed alone."""
+        settings = self._settings
+        cruise = 0.0
+        if isfinite(host.speed):
+            to_set_speed = (settings.set_speed - host.speed) / CRUISE_TIME
+            cruise = min(settings.comfortable_acceleration, to_set_speed)
+        if isfinite(lead.clearance) and isfinite(lead.velocity):
+            follow, jerk = self._follow(lead, host, desired)
+            return min(follow, cruise), jerk
+        if not horizon.has_target and not horizon.clearance_stale:
+            # The radar works and sees an empty road.
+            self._holding = False
+            return max(cruise, settings.acceleration_lower), settings.comfortable_jerk
+        # Nobody speeds up towards what is not seen, or lets go of the brakes but to end a stop.
+        self._holding = self._holding or host.stands
+        most = 0.0 if action == Action.STOP else min(0.0, self._command)
+        return min(cruise, most), settings.comfortable_jerk
+
+    def _follow(self, lead: Lead, host: Host, desired: float) -> tuple[float, float]:
+        """As `_aim`, by the plan behind a lead that is known."""
+        model = self._model
+        self._start[:] = (
+            self._approach(lead.clearance - desired),
+            lead.velocity,
+            host.acceleration,
+            lead.acceleration,
             self._command,
         )
-        solve_box_entry(model.problem, model.f @ self._from, self._plan)
-        self._hold(clearance, velocity, speed)
-        return float(self._plan[0]), jerk
+        solve_box_entry(model.problem, model.f @ self._start, self._plan)
+        self._hold_behind(lead, host.speed)
+        return float(self._plan[0]), self._jerk_behind(lead)
+
+    def _jerk_behind(self, lead: Lead) -> float:
+        """m/s^3 that a lead calls for: comfortable, or more where hard braking is needed."""
+        settings = self._settings
+        # What must be braked to keep half the distance of a standstill behind this lead.
+        needed = braking_needed(lead.clearance, lead.velocity, 0.5 * settings.minimum_clearance)
+        needed += max(-lead.acceleration, 0.0) if lead.velocity < 0.0 else 0.0
+        share = min(max((needed - HARD) / HARDER, 0.0), 1.0)
+        return settings.comfortable_jerk + share * (
+            settings.emergency_jerk - settings.comfortable_jerk
+        )
 
     def _approach(self, error: float) -> float:
         """The clearance error that the plan is given, in m.
@@ -336,16 +389,16 @@ class CarDriver:
             return error
         return approach * sqrt(2.0 * braking * (error - 0.5 * linear))
 
-    def _hold(self, clearance: float, velocity: float, speed: float) -> None:
+    def _hold_behind(self, lead: Lead, speed: float) -> None:
         """Stand still behind a standing lead, without creeping, until it has driven off."""
         if not isfinite(speed):
             return
-        lead_speed = speed + velocity
+        lead_speed = speed + lead.velocity
+        near = self._settings.minimum_clearance + NEAR_ENOUGH
         if self._holding:
-            far = clearance > self._settings.minimum_clearance + NEAR_ENOUGH
-            self._holding = not (lead_speed > ROLLING and far)
+            self._holding = not (lead_speed > ROLLING and lead.clearance > near)
         elif speed < CREEPING and lead_speed < STANDING + speed:
-            self._holding = clearance < self._settings.minimum_clearance + NEAR_ENOUGH
+            self._holding = lead.clearance < near
 
     def _gently(self, wanted: float, jerk: float) -> float:
         """The next command on the way to `wanted`, in m/s^2."""
