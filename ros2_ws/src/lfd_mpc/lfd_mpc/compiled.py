@@ -2,8 +2,8 @@
 
 State lives in numpy records (`numpy.dtype` with named fields); a function takes the record that it
 changes as its first argument, as a method would. Functions that are called from outside take arrays
-of one record. Nodes, which take one step at a time, and
-evaluations, which take a drive at once, call the same functions.
+of one record. Nodes, which take one step at a time, and evaluations, which take a drive at once,
+call the same functions.
 
 What was compiled is kept on disk until a source file of the algorithm changes. `LFD_CACHE` names
 the folder; without it, it is in the package, or in the user's cache where that cannot be written.

@@ -55,6 +55,10 @@ WAITING = 4096
 """Samples of one input that may wait for their steps; more, within about a second, are refused."""
 
 
+OWN_INPUTS, ALL_INPUTS = len(INPUTS), len(Input)
+"""How many inputs are the vehicle's own, which come first; and with what the lead says."""
+
+
 class Restart(IntEnum):
     """Why a step restarts."""
 
@@ -121,10 +125,10 @@ _EPOCH = np.dtype(
         ("acceleration", _SIGNAL),
         ("host_speed", _SIGNAL),
         ("lead_acceleration", _SIGNAL),
-        ("rhythms", _RHYTHM, (3,)),
-        ("queues", _QUEUE, (4,)),
-        ("last", "i8", (4,)),
-        ("heard", "i1", (4,)),
+        ("rhythms", _RHYTHM, (OWN_INPUTS,)),
+        ("queues", _QUEUE, (ALL_INPUTS,)),
+        ("last", "i8", (ALL_INPUTS,)),
+        ("heard", "i1", (ALL_INPUTS,)),
         ("newest", "i8"),
         ("started", "?"),
         ("next_step", "i8"),
@@ -232,10 +236,10 @@ def _start_epoch(epoch):
     ):
         signal.known = signal.rhythm.started = False
         signal.rhythm.count = signal.rhythm.next = 0
-    for i in range(3):
+    for i in range(OWN_INPUTS):
         epoch.rhythms[i].started = False
         epoch.rhythms[i].count = epoch.rhythms[i].next = 0
-    for i in range(4):
+    for i in range(ALL_INPUTS):
         epoch.queues[i].first = epoch.queues[i].count = 0
         epoch.heard[i] = 0
     epoch.started = epoch.stepping = epoch.has_target = False
@@ -247,7 +251,7 @@ def _start_epoch(epoch):
 @inner
 def _max_gap(epoch):
     slowest = 0.0
-    for i in range(3):
+    for i in range(OWN_INPUTS):
         slowest = max(slowest, _period(epoch.rhythms[i]))
     return max(float(MAX_GAP_NS), MAX_GAP_PERIODS * slowest)
 
@@ -280,10 +284,10 @@ def _release(sampler, limit, released_by):
 
 
 @inner
-def _heard(epoch):
+def _count_heard(epoch):
     """How many of the vehicle's own inputs have been heard."""
     heard = 0
-    for i in range(3):
+    for i in range(OWN_INPUTS):
         heard += epoch.heard[i]
     return heard
 
@@ -293,7 +297,7 @@ def _accept(sampler, sample):
     epoch, stamp = sampler.epoch, sample.stamp
     epoch.last[sample.input] = stamp
     epoch.heard[sample.input] = 1
-    sampler.settled = sampler.settled or _heard(epoch) > 1
+    sampler.settled = sampler.settled or _count_heard(epoch) > 1
     _note_rhythm(epoch.rhythms[sample.input], stamp)
     epoch.newest = max(epoch.newest, stamp) if epoch.started else stamp
     epoch.started = True
@@ -461,7 +465,7 @@ def next_step(sampler, inputs):
     epoch = sampler.epoch
     while True:
         if sampler.releasing:
-            if _has_step(epoch) and epoch.next_step <= sampler.limit:
+            if _find_next_step(epoch) and epoch.next_step <= sampler.limit:
                 by = sampler.released_by
                 in_time = by != NOBODY and by < epoch.next_step + SILENCE_NS
                 _make_step(sampler, epoch.next_step, not in_time, inputs)
@@ -492,12 +496,12 @@ def next_step(sampler, inputs):
 
 
 @inner
-def _has_step(epoch):
-    """Whether it is known when the next step is; the first one follows the oldest sample."""
+def _find_next_step(epoch):
+    """Settle when the next step is, the first one after the oldest sample; whether it is known."""
     if epoch.stepping:
         return True
     oldest, found = 0, False
-    for i in range(3):
+    for i in range(OWN_INPUTS):
         queue = epoch.queues[i]
         if queue.count:
             stamp = queue.samples[queue.first].stamp
@@ -510,6 +514,7 @@ def _has_step(epoch):
 
 @inner
 def _make_step(sampler, stamp, without_acceleration, inputs):
+    """Make the step at `stamp` (ns) of what was sampled until then, into `inputs`."""
     epoch = sampler.epoch
     inputs.restart = sampler.restart
     inputs.restart_values[0], inputs.restart_values[1] = (
@@ -517,22 +522,7 @@ def _make_step(sampler, stamp, without_acceleration, inputs):
         sampler.restart_values[1],
     )
     sampler.restart = Restart.NONE
-    for i in range(4):
-        queue = epoch.queues[i]
-        while queue.count and queue.samples[queue.first].stamp <= stamp:
-            sample = queue.samples[queue.first]
-            queue.first = (queue.first + 1) % WAITING
-            queue.count -= 1
-            if i == Input.RADAR:
-                _take_scan(sampler, sample, inputs)
-            elif not isfinite(sample.value):
-                sampler.bad += 1
-            elif i == Input.ACCELERATION:
-                _note_signal(epoch.acceleration, sample.stamp, sample.value)
-            elif i == Input.HOST_SPEED:
-                _note_signal(epoch.host_speed, sample.stamp, sample.value)
-            else:
-                _note_signal(epoch.lead_acceleration, sample.stamp, sample.value)
+    _take_due_samples(sampler, stamp, inputs)
     sampler.step += 1
     inputs.step, inputs.stamp = sampler.step, stamp
     inputs.without_acceleration = without_acceleration
@@ -548,6 +538,28 @@ def _make_step(sampler, stamp, without_acceleration, inputs):
     inputs.clearance_now = clearance.measured + velocity.measured * clearance.age
     inputs.late_samples, inputs.refused_samples = sampler.late, sampler.refused
     inputs.bad_samples = sampler.bad
+
+
+@inner
+def _take_due_samples(sampler, stamp, inputs):
+    """Take what waits and is no later than the step at `stamp`; a scan may restart the step."""
+    epoch = sampler.epoch
+    for i in range(ALL_INPUTS):
+        queue = epoch.queues[i]
+        while queue.count and queue.samples[queue.first].stamp <= stamp:
+            sample = queue.samples[queue.first]
+            queue.first = (queue.first + 1) % WAITING
+            queue.count -= 1
+            if i == Input.RADAR:
+                _take_scan(sampler, sample, inputs)
+            elif not isfinite(sample.value):
+                sampler.bad += 1
+            elif i == Input.ACCELERATION:
+                _note_signal(epoch.acceleration, sample.stamp, sample.value)
+            elif i == Input.HOST_SPEED:
+                _note_signal(epoch.host_speed, sample.stamp, sample.value)
+            else:
+                _note_signal(epoch.lead_acceleration, sample.stamp, sample.value)
 
 
 @inner
