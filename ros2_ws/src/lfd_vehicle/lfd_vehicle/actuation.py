@@ -10,6 +10,10 @@ LARGEST_CORRECTION = 1.5
 """m/s^2"""
 
 
+FOLLOWED = 0.3
+"""m/s^2 between what is wanted and applied below which a change of command has been followed."""
+
+
 class Actuation:
     """First-order lags with limits, and the slow correction every such actuator has."""
 
@@ -47,7 +51,7 @@ class Actuation:
         if speed > 1.0 and -settings.strongest_braking < goal < strongest:
             off = wanted - acceleration
             # While it still follows a change of command, its lag is not to be made up for.
-            if abs(wanted - self.applied + self._correction) < 0.3:
+            if abs(wanted - self.applied + self._correction) < FOLLOWED:
                 self._correction += off * STEP_S / CORRECTION_TIME
                 limit = LARGEST_CORRECTION
                 self._correction = min(max(self._correction, -limit), limit)

@@ -23,13 +23,19 @@ from lfd_replay.read_drive import read_drive
 Array = NDArray[np.float64]
 
 FASTEST = 70.0
-"""m/s that a lead may reach."""
+"""m/s that a car may reach: the lead, and the host at first."""
 
 STRONGEST = 12.0
 """m/s^2 that a lead may accelerate or brake with."""
 
 AFTER_STEPS = 15.0
 """Seconds that go on after the last step."""
+
+WITHOUT_STEPS = 15.0
+"""Seconds before these where there is no step."""
+
+LATEST = 3600.0
+"""Seconds at which the last step must have ended."""
 
 SMOOTHED = 0.6
 """Seconds over which a recorded lead's speed is smoothed, as it is differentiated."""
@@ -144,13 +150,13 @@ def _in_steps(text: str) -> LeadMotion:
         if match is None:
             raise UserError(f"--lead {text}: '{part}' is no step; expected {GRAMMAR}")
         acceleration, start, end = map(float, match.groups())
-        if not (abs(acceleration) <= STRONGEST and 0.0 <= start < end <= 3600.0):
+        if not (abs(acceleration) <= STRONGEST and 0.0 <= start < end <= LATEST):
             raise UserError(
                 f"--lead {text}: '{part}': an acceleration of -{STRONGEST:g} to {STRONGEST:g} "
-                "m/s^2 and times of 0 to 3600 s, the start before the end, are expected"
+                f"m/s^2 and times of 0 to {LATEST:g} s, the start before the end, are expected"
             )
         steps.append((acceleration, round(start / STEP_S), round(end / STEP_S)))
-    count = max((end for _, _, end in steps), default=round(15.0 / STEP_S))
+    count = max((end for _, _, end in steps), default=round(WITHOUT_STEPS / STEP_S))
     wanted = np.zeros(count + round(AFTER_STEPS / STEP_S))
     for acceleration, start, end in steps:
         wanted[start:end] = acceleration

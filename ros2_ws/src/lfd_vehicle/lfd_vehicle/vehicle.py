@@ -30,6 +30,9 @@ SLIP_STEP = 0.0005
 KEPT = 0.95
 """Share of the models' difference in acceleration that is left after 10 ms of the point mass."""
 
+LARGEST_PITCH = 0.5
+"""rad of the body beyond which the multi-body model has diverged."""
+
 _SPEED = X.speed
 _FIRST_WHEEL, _END_OF_WHEELS = X.first_wheel, X.end_of_wheels
 
@@ -150,7 +153,7 @@ class Vehicle:
         assert state is not None
         steps = ceil(STEP_S / min(LONGEST_STEP, SLIP_STEP * motion.speed))
         _integrate(state, applied, slope, steps)
-        if not np.isfinite(state).all() or abs(state[X.pitch]) > 0.5:
+        if not np.isfinite(state).all() or abs(state[X.pitch]) > LARGEST_PITCH:
             raise DivergenceError(
                 f"the multi-body model diverged at {motion.speed:.1f} m/s under "
                 f"{applied:.1f} m/s^2; the point mass (model: point_mass) does not"

@@ -21,6 +21,9 @@ from lfd_replay.text_file import write_text
 STRIDE = 5
 """Steps between two moments of the page: 20 a second."""
 
+ROUNDING = 1e-6
+"""Seconds that equal stamps may differ by once they are floats."""
+
 TOPICS = (
     "vehicle/truth",
     "mpc/driving",
@@ -61,18 +64,11 @@ def write_watch_page(bag: Path, page: Path, faults: list[Fault]) -> Path:
 
 
 def _read(bag: Path) -> dict[str, Any]:
-    """What the page draws, by name, as lists of equal length."""
-    topics: dict[str, list[Any]] = {f"/{topic}": [] for topic in TOPICS}
-    with open_bag(bag) as reader:
-        chosen = [c for c in reader.connections if c.topic in topics]
-        for connection, _, raw in reader.messages(chosen):
-            topics[connection.topic].append(reader.deserialize(raw, connection.msgtype))
-    if not all(topics.values()):
-        missing = ", ".join(name for name, found in topics.items() if not found)
-        raise UserError(f"{bag}: no closed loop was recorded: nothing on {missing}")
-    truth = topics["/vehicle/truth"][::STRIDE]
+    """What the page draws, by name, as lists of equal length. Raises UserError as its caller."""
+    topics = _messages(bag)
+    truth = topics["vehicle/truth"][::STRIDE]
     time = np.array([_seconds(m) for m in truth])
-    run: dict[str, Any] = {
+    return {
         "time": _rounded(time),
         "states": [state.name for state in State],
         "levels": [level.name for level in FaultLevel],
@@ -80,30 +76,69 @@ def _read(bag: Path) -> dict[str, Any]:
         "sources": [source.name for source in Source],
         "collided": [bool(m.collided) for m in truth],
         "model": [m.model for m in truth],
+        **{name: _rounded([getattr(m, name) for m in truth]) for name in TRUTH},
+        **_driven_by(_at(time, topics["mpc/driving"])),
+        **_measured(_at(time, topics["mpc/horizon"])),
+        **_decided(time, topics["diagnosis/decision"]),
+        **_judged(_at(time, topics["diagnosis/faults"])),
     }
-    for name in TRUTH:
-        run[name] = _rounded([getattr(m, name) for m in truth])
-    driving = _at(time, topics["/mpc/driving"])
-    run["command"] = _rounded([m.command for m in driving])
-    run["desired"] = _rounded([m.desired_clearance for m in driving])
+
+
+def _messages(bag: Path) -> dict[str, list[Any]]:
+    """All messages of `TOPICS`, by topic."""
+    found: dict[str, list[Any]] = {f"/{topic}": [] for topic in TOPICS}
+    with open_bag(bag) as reader:
+        chosen = [c for c in reader.connections if c.topic in found]
+        for connection, _, raw in reader.messages(chosen):
+            found[connection.topic].append(reader.deserialize(raw, connection.msgtype))
+    if not all(found.values()):
+        missing = ", ".join(name for name, messages in found.items() if not messages)
+        raise UserError(f"{bag}: no closed loop was recorded: nothing on {missing}")
+    return {name.removeprefix("/"): messages for name, messages in found.items()}
+
+
+def _driven_by(driving: list[Any]) -> dict[str, Any]:
+    """What the car was driven by."""
+    run: dict[str, Any] = {
+        "command": _rounded([m.command for m in driving]),
+        "desired": _rounded([m.desired_clearance for m in driving]),
+    }
     for name in ("clearance", "relative_velocity"):
         run[f"used_{name}"] = _rounded([getattr(m, name) for m in driving])
         run[f"{name}_source"] = [int(getattr(m, f"{name}_source")) for m in driving]
     run["holding"] = [bool(m.holding) for m in driving]
     run["driving_reason"] = _numbered([m.reason for m in driving])
-    horizons = _at(time, topics["/mpc/horizon"])
+    return run
+
+
+def _measured(horizons: list[Any]) -> dict[str, Any]:
+    """What the sensors said."""
+    run = {}
     for name in VERDICTS:
         # What was measured last stays in the message; a silent sensor measures nothing.
         fresh = [nan if getattr(h, f"{name}_stale") else 1.0 for h in horizons]
         measured = [getattr(h, f"measured_{name}") for h in horizons]
         run[f"measured_{name}"] = _rounded(np.multiply(measured, fresh))
-    decisions = topics["/diagnosis/decision"]
-    # The car is driven by the decision of the step before.
-    first = int(np.searchsorted(time - STEP_S, _seconds(decisions[0]) - 1e-6))
-    decided = _at(time - STEP_S, decisions)
-    run["level"] = [None] * first + [int(m.level) for m in decided[first:]]
-    run["action"] = [None] * first + [int(m.action) for m in decided[first:]]
-    reports = _at(time, topics["/diagnosis/faults"])
+    return run
+
+
+def _decided(time: np.ndarray, decisions: list[Any]) -> dict[str, Any]:
+    """What was to be done; None before the first decision.
+
+    The car is driven by the decision of the step before.
+    """
+    before = time - STEP_S
+    first = int(np.searchsorted(before, _seconds(decisions[0]) - ROUNDING))
+    decided = _at(before, decisions)[first:]
+    return {
+        "level": [None] * first + [int(m.level) for m in decided],
+        "action": [None] * first + [int(m.action) for m in decided],
+    }
+
+
+def _judged(reports: list[Any]) -> dict[str, Any]:
+    """What the diagnosis said of each signal."""
+    run: dict[str, Any] = {}
     for name in VERDICTS:
         verdicts = [getattr(m, name) for m in reports]
         run[f"state_{name}"] = [int(v.state) for v in verdicts]
@@ -119,7 +154,7 @@ def _seconds(message: Any) -> float:
 def _at(time: np.ndarray, messages: list[Any]) -> list[Any]:
     """The newest message at each time; the first one before there was any."""
     stamps = np.array([_seconds(m) for m in messages])
-    found = np.searchsorted(stamps, time + 1e-6, side="right") - 1
+    found = np.searchsorted(stamps, time + ROUNDING, side="right") - 1
     return [messages[i] for i in found.clip(min=0)]
 
 

@@ -7,10 +7,13 @@ from lfd_mpc.samples import Sample
 from lfd_mpc.settings import STEP_NS, STEP_S, MpcSettings
 from lfd_replay.faults import Fault, FaultInjector
 from lfd_replay.generated.sensor_models import SENSORS
-from lfd_vehicle.lead import Lead, LeadMotion
+from lfd_vehicle.lead import FASTEST, Lead, LeadMotion
 from lfd_vehicle.sensing import Moment, Sensing
 from lfd_vehicle.settings import VehicleSettings
 from lfd_vehicle.vehicle import Vehicle
+
+FARTHEST = 1000.0
+"""m that the lead may be ahead at first."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +41,10 @@ class World:
         gap = scenario.gap
         if gap is None:
             gap = control.minimum_clearance + control.preview_time * speed
-        if not (0.0 < gap < 1000.0 and 0.0 <= speed <= 70.0):
-            raise UserError(f"a gap of {gap:g} m at {speed:g} m/s: 0 to 1000 m and 0 to 70 m/s")
+        if not (0.0 < gap < FARTHEST and 0.0 <= speed <= FASTEST):
+            raise UserError(
+                f"a gap of {gap:g} m at {speed:g} m/s: 0 to {FARTHEST:g} m and 0 to {FASTEST:g} m/s"
+            )
         self.scenario = scenario
         self.lead = Lead(motion, gap)
         self.vehicle = Vehicle(vehicle, 0.0, speed)
