@@ -21,7 +21,7 @@ from lfd_mpc.mpc_node import MpcNode
 from lfd_mpc.node_process import deliver, interruptible, make_executor, own_arguments
 from lfd_mpc.starting import INTERRUPTED
 from lfd_observer.observer_node import ObserverNode
-from lfd_replay.bag_player import add_play_options, play, play_options
+from lfd_replay.bag_player import add_play_options, checked_samples, play, play_options
 from lfd_replay.command_line import (
     add_drive_options,
     add_profile_option,
@@ -34,7 +34,7 @@ from lfd_replay.drive_bag import refuse_others_bag, replace_folder, write_drive
 from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.lockstep import LockstepError
 from lfd_replay.paths import make_folder, refuse_to_overwrite, share_folder
-from lfd_replay.player import GRAPH_NODES, PlayerNode, played, samples_to_play
+from lfd_replay.player import GRAPH_NODES, PlayerNode, played
 from lfd_replay.read_drive import DRIVE_HELP, files_read, read_drive, read_options
 from lfd_replay.score import score, shown, timeline
 from lfd_replay.text_file import write_text
@@ -89,34 +89,50 @@ def default_drive(out: Path) -> Path:
     return path
 
 
-def main_replay(arguments: list[str], joined: float) -> int:
-    """The command line of `replay`; `joined`: `time.monotonic()` at which ROS was joined."""
+def _parse(arguments: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="replay", description=__doc__)
     parser.add_argument("--drive", default="", help=f"{DRIVE_HELP} (default: a generated drive)")
     add_play_options(parser)
     add_drive_options(parser)
     add_profile_option(parser)
     parser.add_argument("--out", type=Path, default=Path("out/replay"), metavar="FOLDER")
-    options = parser.parse_args(own_arguments("replay", arguments))
-    fault_texts = options.fault
+    return parser.parse_args(own_arguments("replay", arguments))
+
+
+def _drive_and_faults(options: argparse.Namespace) -> tuple[Path, list[Fault]]:
+    """What was asked for, or the default drive; it alone has default faults.
+
+    Raises UserError where results would take the place of what is read, or of somebody's bag.
+    """
     refuse_others_bag(options.out / "bag")
     if options.drive:
+        path = Path(options.drive)
         for name in LEFT:
-            refuse_to_overwrite(options.out / name, files_read(options, Path(options.drive)))
-    path = Path(options.drive) if options.drive else default_drive(options.out)
-    if not options.drive and not any(text.strip() for text in fault_texts):
-        fault_texts = [DEFAULT_FAULT]
-    faults = parse_faults(fault_texts)
+            refuse_to_overwrite(options.out / name, files_read(options, path))
+        return path, parse_faults(options.fault)
+    path = default_drive(options.out)
+    if not any(text.strip() for text in options.fault):
+        return path, parse_faults([DEFAULT_FAULT])
+    return path, parse_faults(options.fault)
+
+
+def print_injected(faults: list[Fault], console: Console) -> None:
+    """Say what is injected, a line for each fault."""
+    for fault in faults:
+        console.print(f"  injected: {fault.text}", markup=False, highlight=False)
+
+
+def main_replay(arguments: list[str], joined: float) -> int:
+    """The command line of `replay`; `joined`: `time.monotonic()` at which ROS was joined."""
+    options = _parse(arguments)
+    path, faults = _drive_and_faults(options)
     playing = play_options(options)
     console = Console(soft_wrap=True)
     executor = make_executor()
     nodes: list[Node] = []
     try:
         drive = read_drive(path, read_options(options))
-        playing.check(drive)
-        samples = samples_to_play(drive, faults, playing)
-        if not samples:
-            raise UserError(f"{path}: no sample between --start and --start + --duration")
+        samples = checked_samples(path, drive, faults, playing)
 
         make_folder(options.out)
         warn(drive, faults)
@@ -125,8 +141,7 @@ def main_replay(arguments: list[str], joined: float) -> int:
             if fault not in seen:
                 print(f"fault '{fault.text}' lies outside of what is played", file=sys.stderr)
         console.print(f"replay of {drive.name}: {drive.duration:.1f} s, profile {options.profile}")
-        for fault in faults:
-            console.print(f"  injected: {fault.text}", markup=False, highlight=False)
+        print_injected(faults, console)
         recorder = RecorderNode(
             lambda event: console.print(event_line(event, drive.zero), highlight=False)
         )

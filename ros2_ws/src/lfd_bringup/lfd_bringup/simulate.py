@@ -22,6 +22,7 @@ from lfd_bringup.replay import (
     drain,
     event_line,
     graph_nodes,
+    print_injected,
     write_bag,
 )
 from lfd_diagnosis.decision_node import DecisionNode
@@ -69,8 +70,8 @@ def loop_nodes(
     return [*nodes, vehicle], vehicle
 
 
-def main_simulate(arguments: list[str]) -> int:
-    """The command line of `simulate`."""
+def _parse(arguments: list[str]) -> argparse.Namespace:
+    """Raises UserError for a seed that cannot be."""
     parser = argparse.ArgumentParser(
         prog="simulate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -91,6 +92,12 @@ def main_simulate(arguments: list[str]) -> int:
     options = parser.parse_args(own_arguments("simulate", arguments))
     if options.seed < 0:
         raise UserError(f"--seed {options.seed}: 0 or more is expected")
+    return options
+
+
+def main_simulate(arguments: list[str]) -> int:
+    """The command line of `simulate`."""
+    options = _parse(arguments)
     lead_text = options.lead or DEFAULT_LEAD
     texts = [text for text in options.fault if text.strip()]
     if not texts and lead_text == DEFAULT_LEAD:
@@ -106,8 +113,7 @@ def main_simulate(arguments: list[str]) -> int:
         f"{options.model}",
         highlight=False,
     )
-    for fault in faults:
-        console.print(f"  injected: {fault.text}", markup=False, highlight=False)
+    print_injected(faults, console)
     with ros_started(arguments):
         executor = make_executor()
         nodes: list[Node] = []
@@ -124,12 +130,7 @@ def main_simulate(arguments: list[str]) -> int:
             nodes += made
             for node in nodes:
                 executor.add_node(node)
-            started = time.monotonic()
-            ended = _run_to_the_end(vehicle, executor, recorder, console)
-            wall, driven = time.monotonic() - started, vehicle.world.stamp * 1e-9
-            console.print(f"drove {driven:.1f} s in {wall:.1f} s ({driven / wall:.1f} x real time)")
-            if vehicle.error is not None:
-                print(vehicle.error, file=sys.stderr)
+            ended = _drive(vehicle, executor, recorder, console)
             with interruptible():
                 _leave(options.out, lead_text, recorder, faults, options.profile, console)
             if vehicle.status:
@@ -141,9 +142,23 @@ def main_simulate(arguments: list[str]) -> int:
     return 0 if ended else INTERRUPTED
 
 
+def _drive(
+    vehicle: VehicleNode, executor: Executor, recorder: RecorderNode, console: Console
+) -> bool:
+    """Run the loop and say how that went; false if it was interrupted."""
+    started = time.monotonic()
+    ended = _run_to_the_end(vehicle, executor, recorder, console)
+    wall, driven = time.monotonic() - started, vehicle.world.stamp * 1e-9
+    console.print(f"drove {driven:.1f} s in {wall:.1f} s ({driven / wall:.1f} x real time)")
+    if vehicle.error is not None:
+        print(vehicle.error, file=sys.stderr)
+    return ended
+
+
 def _run_to_the_end(
     vehicle: VehicleNode, executor: Executor, recorder: RecorderNode, console: Console
 ) -> bool:
+    """Spin until the run is over; false if it was interrupted: what was recorded is not lost."""
     columns = (
         TextColumn("simulate"),
         BarColumn(),

@@ -11,10 +11,12 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.node_process import LEAVING, deliver, make_executor, own_arguments, ros_started
+from lfd_mpc.samples import Sample
 from lfd_mpc.starting import INTERRUPTED
 from lfd_replay.command_line import add_drive_options, warn
+from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
-from lfd_replay.faults import parse_faults
+from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.lockstep import LockstepError
 from lfd_replay.player import (
     GRAPH_NODES,
@@ -41,6 +43,20 @@ def add_play_options(parser: argparse.ArgumentParser) -> None:
 def play_options(options: argparse.Namespace, loop: bool = False) -> PlayOptions:
     """Options of playing from a parsed command line."""
     return PlayOptions(options.rate, options.start, options.duration, loop, options.seed)
+
+
+def checked_samples(
+    path: Path, drive: Drive, faults: list[Fault], playing: PlayOptions
+) -> list[Sample]:
+    """What is to be played of the drive that was read from `path`, with faults applied.
+
+    Raises UserError for options of playing that this drive cannot be played by.
+    """
+    playing.check(drive)
+    samples = samples_to_play(drive, faults, playing)
+    if not samples:
+        raise UserError(f"{path}: no sample between --start and --start + --duration")
+    return samples
 
 
 def play(player: PlayerNode, executor: Executor, console: Console) -> float:
@@ -91,10 +107,7 @@ def main_play(arguments: list[str]) -> int:
     playing = play_options(options, options.loop)
     faults = parse_faults(options.fault)
     drive = read_drive(options.drive, read_options(options))
-    playing.check(drive)
-    samples = samples_to_play(drive, faults, playing)
-    if not samples:
-        raise UserError(f"{options.drive}: no sample between --start and --start + --duration")
+    samples = checked_samples(options.drive, drive, faults, playing)
     warn(drive, faults)
     wait_for = options.wait_for
     if wait_for is None:
