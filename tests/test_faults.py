@@ -188,7 +188,7 @@ def through_live(between: dict[int, list], zero: float = 0.0) -> tuple[LiveFault
     """Clearances of three seconds under an offset of 4 m; `between`: what else passes before the
     scan of that number."""
     live = LiveFaults(0)
-    live.at_first(parse_faults(["offset:clearance=4@0-3"]))
+    live.inject_at_first(parse_faults(["offset:clearance=4@0-3"]))
     seen = []
     for scan in range(60):
         for sample in between.get(scan, []):

@@ -48,7 +48,7 @@ class LiveFaults:
         self._newest: int | None = None
         self._odd: Sample | None = None
 
-    def at_first(self, faults: list[Fault]) -> None:
+    def inject_at_first(self, faults: list[Fault]) -> None:
         """Faults whose times count from the first sample."""
         self._at_first = faults
 
@@ -130,7 +130,7 @@ class FaultInjectorNode(Node):
         super().__init__("fault_injector", context=context, **node_options)
         settings = declare_settings(self, InjectorSettings)
         self._faults = LiveFaults(settings.seed)
-        self._faults.at_first(parse_faults([settings.fault]))
+        self._faults.inject_at_first(parse_faults([settings.fault]))
         self._outputs = {}
         for name, (kind, topic, _) in INPUT_TOPICS.items():
             self._outputs[name] = self.create_publisher(kind, topic, PIPELINE_QOS)

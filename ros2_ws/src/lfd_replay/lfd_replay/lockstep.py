@@ -64,6 +64,7 @@ class Lockstep:
         """
         self._node, self._then = node, then
         self.released = -1
+        """Stamp (ns) of the newest step that the samples sent release."""
         self._confirmed = confirmed
         self._sampler = Sampler()
         self._expected: deque[StepInputs] = deque()
@@ -85,15 +86,13 @@ class Lockstep:
                 raw=True,
             )
 
-    # `released` is the stamp (ns) of the newest step that the samples sent release.
-
     @property
     def waiting(self) -> bool:
         """Whether anything is owed."""
         return bool(self._expected or self._unconfirmed or any(self._awaited.values()))
 
-    def may_send(self, sample: Sample) -> bool:
-        """Whether the next sample may go; the steps that it releases are then expected."""
+    def take_turn(self, sample: Sample) -> bool:
+        """Whether it is the next sample's turn; then it must be sent: its answers are expected."""
         if any(self._awaited.values()):
             return False
         if self._next_steps is None:

@@ -70,7 +70,7 @@ def played(faults: list[Fault], options: PlayOptions) -> list[Fault]:
 
 
 class PlayerNode(Node):
-    """Publishes samples and /clock. Call `pump` whenever `next_due` has passed."""
+    """Publishes samples and /clock. Call `pump` again and again; it says when next."""
 
     def __init__(
         self,
@@ -187,7 +187,7 @@ class PlayerNode(Node):
     def _pump_lockstep(self, lockstep: Lockstep, now: float) -> float:
         lockstep.check()
         self._beat(now)
-        while self._position < len(self._samples) and lockstep.may_send(
+        while self._position < len(self._samples) and lockstep.take_turn(
             sample := self._samples[self._position]
         ):
             self._tick(sample.stamp)

@@ -164,7 +164,7 @@ class VehicleNode(Node):
             lockstep.check_reliable(self._outputs.topics)
             self._waiting = self._now()
         while True:
-            while self._waiting and lockstep.may_send(self._waiting[0]):
+            while self._waiting and lockstep.take_turn(self._waiting[0]):
                 self._outputs.publish(self._waiting.pop(0))
             if self._waiting or lockstep.waiting or self._commanded < lockstep.released:
                 return

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 FIRST_TRACK, TRACKS = 0x500, 64
 STATUS_4 = 0x4E3
 
+FRAME_BYTES = 8
+
 EMPTY = 0
 NOT_MEASURED = {4: "coasted", 6: "invalid coasted", 7: "new coasted"}
 """STATUS of a track: 0 is no target; these are predictions of the radar's own, not measurements."""
@@ -106,7 +108,7 @@ class ScanAssembler:
                 self._counts["scans without their last track"] += 1
                 yield self._finish()
         self._last = stamp, number
-        if track is not None and not self._stuck(number, rolling):
+        if track is not None and not self._count_roll(number, rolling):
             self._tracks.append(track)
         if number == TRACKS:
             yield self._finish()
@@ -116,8 +118,11 @@ class ScanAssembler:
         if self._last is not None:
             yield self._finish()
 
-    def _stuck(self, number: int, rolling: int) -> bool:
-        """Whether a track repeats itself; a radar that never counts is taken as it is."""
+    def _count_roll(self, number: int, rolling: int) -> bool:
+        """Take note of a track's rolling count; whether the track repeats itself.
+
+        A radar that never counts is taken as it is.
+        """
         last, same = self._rolling.get(number, (-1, 0))
         same = same + 1 if rolling == last else 1
         self._rolls |= last >= 0 and rolling != last
@@ -152,7 +157,7 @@ class EsrDecoder:
         if message is None:
             self.counts["frames of unknown identifiers"] += 1
             return
-        if len(data) != 8:
+        if len(data) != FRAME_BYTES:
             self.counts["ESR frames of a wrong length"] += 1
             return
         values: Any = message.decode(data, decode_choices=False)
