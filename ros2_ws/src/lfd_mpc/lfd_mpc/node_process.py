@@ -27,7 +27,7 @@ from rclpy.utilities import remove_ros_args
 from lfd_mpc.collector import without_collector
 from lfd_mpc.deadline import Deadline
 from lfd_mpc.errors import UserError
-from lfd_mpc.starting import SIGNALS
+from lfd_mpc.starting import ENDING_SIGNALS
 
 NodeType = TypeVar("NodeType", bound=Node)
 
@@ -91,7 +91,7 @@ class _Signals:
         """
         self.told, self.at_once = False, True
         self._leaves_within, self._status = leaves_within, status
-        before = {number: signal.signal(number, self) for number in SIGNALS}
+        before = {number: signal.signal(number, self) for number in ENDING_SIGNALS}
         try:
             yield
         finally:

@@ -30,6 +30,12 @@ READY_QOS = QoSProfile(depth=20, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 READY_DEADLINE = 30.0
 """Seconds of wall time that nodes have to become ready for who waits for them."""
 
+READY_PERIOD = 0.02
+"""Seconds between two looks for publishers."""
+
+WAITING_TOLD_AT, WAITING_TOLD_EVERY = 100, 500
+"""Looks after which it is told first, and again, what is waited for: 2 s, then every 10 s."""
+
 PIPELINE_QOS = QoSProfile(depth=1000)
 """Between nodes: reliable, deep enough for a burst of steps."""
 
@@ -184,9 +190,9 @@ class ReadyAnnouncer:
         self._topics = topics
         self._publisher = node.create_publisher(String, READY_TOPIC, READY_QOS)
         self._timer = node.create_timer(
-            0.02, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME)
+            READY_PERIOD, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
-        self._ticks = 0
+        self._looks = 0
 
     def _check(self) -> None:
         missing = [missed for topic in self._topics if (missed := self._missed(topic))]
@@ -195,8 +201,8 @@ class ReadyAnnouncer:
             self._node.destroy_timer(self._timer)
             self._node.get_logger().info("ready")
             return
-        self._ticks += 1
-        if self._ticks % 500 == 100:
+        self._looks += 1
+        if self._looks % WAITING_TOLD_EVERY == WAITING_TOLD_AT:
             self._node.get_logger().info(f"waiting for a publisher on {', '.join(missing)}")
 
     def _missed(self, topic: str) -> str:
@@ -221,8 +227,8 @@ class AwaitedNodes:
 
     def __init__(self, node: Node, names: Iterable[str]) -> None:
         """`names`: of the nodes that `node` waits for."""
+        # As they were given: with the namespace or without.
         self._missing = set(names)
-        """As they were given: with the namespace or without."""
         self._begun = time.monotonic()
         node.create_subscription(String, READY_TOPIC, self._on_ready, READY_QOS)
 

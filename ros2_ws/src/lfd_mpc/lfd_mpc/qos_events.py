@@ -7,6 +7,9 @@ from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+UNLIMITED = 1e8
+"""Seconds (three years) from which on a duration stands for no limit."""
+
 
 def hearing(node: Node, topic: str, wanted: QoSProfile) -> SubscriptionEventCallbacks:
     """Callbacks of a subscription that log which publishers it cannot hear, and why."""
@@ -70,10 +73,9 @@ def profile_words(profile: QoSProfile) -> str:
         profile.durability.name.lower().replace("_", " "),
     ]
     deadline = profile.deadline.nanoseconds * 1e-9
-    # What is not limited is a duration of hundreds of years.
-    if 0.0 < deadline < 1e8:
+    if 0.0 < deadline < UNLIMITED:
         words.append(f"deadline {deadline:g} s")
     lease = profile.liveliness_lease_duration.nanoseconds * 1e-9
-    if 0.0 < lease < 1e8:
+    if 0.0 < lease < UNLIMITED:
         words.append(f"liveliness {profile.liveliness.name.lower()} within {lease:g} s")
     return ", ".join(words)

@@ -11,18 +11,18 @@ from importlib import import_module
 INTERRUPTED = 130
 """Exit status of a command that was interrupted."""
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def command(module: str) -> Callable[[], int]:
     """The entry point of a command, by the module that has its `main`."""
 
     def start() -> int:
-        before = [signal.getsignal(number) for number in SIGNALS]
+        before = [signal.getsignal(number) for number in ENDING_SIGNALS]
         _end_when_told(INTERRUPTED)
         main = import_module(module).main
         try:
-            for number, handler in zip(SIGNALS, before, strict=True):
+            for number, handler in zip(ENDING_SIGNALS, before, strict=True):
                 signal.signal(number, handler)
             return main()
         except KeyboardInterrupt:
@@ -45,7 +45,7 @@ def node(module: str, name: str) -> Callable[[], int]:
 
 def _end_when_told(status: int) -> None:
     """At once: of an exception, libraries in C that are being loaded make another one."""
-    for number in SIGNALS:
+    for number in ENDING_SIGNALS:
         # What a shell runs in the background is deaf to SIGINT.
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, lambda *_: os._exit(status))
