@@ -8,12 +8,14 @@ from pathlib import Path
 from rich.table import Table
 
 from lfd_mpc.errors import UserError
+from lfd_mpc.samples import Sample
 from lfd_replay.command_line import print_table
 from lfd_replay.errors import WrongOption, run_command
 from lfd_replay.inspection import bag_topics, inspect_streams, remarks
 from lfd_replay.paths import refuse_to_overwrite
 from lfd_replay.read_drive import (
     DRIVE_HELP,
+    ReadOptions,
     add_read_options,
     files_read,
     read_as_it_is,
@@ -53,6 +55,23 @@ def _inputs_table(figures: dict, title: str) -> Table:
     return table
 
 
+def _read(path: Path, reading: ReadOptions) -> tuple[dict[str, list[Sample]], list[str], str]:
+    """The streams of a recording, what is damaged, and why it is no drive (empty: it is one).
+
+    Raises UserError for what cannot be read at all.
+    """
+    try:
+        return *read_streams(path, reading), ""
+    except WrongOption:
+        raise
+    except UserError as error:
+        # It can be read, but is no drive: what the graph needs is not there or must be chosen.
+        found = read_as_it_is(path, reading)
+        if found is None:
+            raise
+        return *found, str(error).removeprefix(f"{path}: ")
+
+
 def main_inspect(arguments: list[str]) -> int:
     """The command line of `inspect`."""
     parser = argparse.ArgumentParser(prog="inspect", description=__doc__)
@@ -65,18 +84,7 @@ def main_inspect(arguments: list[str]) -> int:
     if options.json:
         refuse_to_overwrite(options.json, files_read(options, options.drive))
     topics = bag_topics(options.drive) if options.drive.exists() else []
-    problem = ""
-    try:
-        streams, damage = read_streams(options.drive, reading)
-    except WrongOption:
-        raise
-    except UserError as error:
-        # It can be read, but is no drive: what the graph needs is not there or must be chosen.
-        problem = str(error).removeprefix(f"{options.drive}: ")
-        found = read_as_it_is(options.drive, reading)
-        if found is None:
-            raise
-        streams, damage = found
+    streams, damage, problem = _read(options.drive, reading)
     figures = inspect_streams(streams)
     if problem:
         figures["runs"], figures["missing"] = False, [problem]
