@@ -16,8 +16,8 @@ from lfd_replay.evaluation.cases import load_drive
 from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS, recorded_sensors_drive
 from lfd_replay.evaluation.recorded_tracks import (
     BACKWARD,
-    COUNT,
     LANES,
+    TRACK_COUNT,
     TRACK_IDS,
     backward,
     recorded_tracks,
@@ -143,8 +143,8 @@ def called_faulty(drive: Drive) -> list[tuple[str, str, str]]:
 
 def test_no_track_of_the_recorded_radar_is_called_faulty(data: Path) -> None:
     """Reflections wander over cars, tracks end beside them: none of it is a sensor's fault."""
-    assert len(recorded_tracks(data)) == COUNT
-    drives = [track_drive(data, number) for number in range(COUNT)]
+    assert len(recorded_tracks(data)) == TRACK_COUNT
+    drives = [track_drive(data, number) for number in range(TRACK_COUNT)]
     assert sum(drive.duration for drive in drives) > 400.0
     assert [said for drive in drives for said in called_faulty(drive)] == []
 

@@ -7,14 +7,14 @@ from lfd_mpc.errors import UserError
 from lfd_replay.drive_bag import write_drive
 from lfd_replay.errors import run_command
 from lfd_replay.generated.generate import generate_drive
-from lfd_replay.generated.lead_profiles import PEAKS, THERE_ARE
+from lfd_replay.generated.lead_profiles import NAMES_IN_WORDS, PEAKS
 from lfd_replay.generated.sensor_models import SENSORS
 
 
 def main_make(arguments: list[str]) -> int:
     """The command line of `make_drive`."""
     parser = argparse.ArgumentParser(prog="make_drive", description=__doc__)
-    parser.add_argument("name", metavar="NAME", help=f"one of: {THERE_ARE}")
+    parser.add_argument("name", metavar="NAME", help=f"one of: {NAMES_IN_WORDS}")
     parser.add_argument("--seed", type=int, default=0, help="(default: 0)")
     parser.add_argument(
         "--sensor", default="esr", help=f"one of: {', '.join(SENSORS)} (default: %(default)s)"

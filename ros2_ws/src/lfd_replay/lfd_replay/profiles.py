@@ -41,7 +41,7 @@ NODES: dict[str, type[Settings]] = {
 }
 """The settings of each node of the graph, by node name."""
 
-THERE_ARE = ", ".join(("/**", *NODES))
+NODES_IN_WORDS = ", ".join(("/**", *NODES))
 """What a parameter file may name."""
 
 
@@ -96,13 +96,13 @@ def read_parameter_file(file: Path) -> dict[str, dict]:
         elif node in NODES:
             owners = [node]
         elif get_close_matches(node, NODES, cutoff=0.8):
-            raise UserError(f"{file}: unknown node '{key}'; there are: {THERE_ARE}")
+            raise UserError(f"{file}: unknown node '{key}'; there are: {NODES_IN_WORDS}")
         else:
             continue
         ours = True
         _take(file, section["ros__parameters"], owners, values)
     if not ours:
-        raise UserError(f"{file}: names no node of the graph; there are: {THERE_ARE}")
+        raise UserError(f"{file}: names no node of the graph; there are: {NODES_IN_WORDS}")
     return values
 
 

@@ -14,7 +14,7 @@ from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
 
 Array = NDArray[np.float64]
 
-KM_PER_H, MPH, FOOT, G = 1.0 / 3.6, 0.44704, 0.3048, 9.80665
+KM_PER_H, MPH, FOOT, STANDARD_GRAVITY = 1.0 / 3.6, 0.44704, 0.3048, 9.80665
 """Units in m/s, m and m/s^2."""
 
 WINDOW_S = 2.0
@@ -52,8 +52,8 @@ OF_RADAR = {
 OF_HOST = {
     1.0 / KM_PER_H: "as if the speed was in km/h",
     1.0 / MPH: "as if the speed was in mph",
-    G: "as if the acceleration was in g",
-    G / KM_PER_H: "as if the speed was in km/h and the acceleration in g",
+    STANDARD_GRAVITY: "as if the acceleration was in g",
+    STANDARD_GRAVITY / KM_PER_H: "as if the speed was in km/h and the acceleration in g",
     KM_PER_H: "as if the acceleration was in km/h per s",
 }
 """The same for speed and acceleration."""

@@ -37,7 +37,7 @@ from lfd_replay.evaluation.fault_windows import (
     other_cells,
 )
 from lfd_replay.evaluation.normal_driving import IndexStatistics, index_statistics
-from lfd_replay.evaluation.recorded_tracks import COUNT
+from lfd_replay.evaluation.recorded_tracks import TRACK_COUNT
 from lfd_replay.evaluation.requirements.campaign import Requirements, count_runs, measure
 from lfd_replay.evaluation.requirements.plan import Extent, full_extent, plain_extent
 from lfd_replay.evaluation.trace import load_trace
@@ -74,10 +74,10 @@ class Size:
     @property
     def tasks(self) -> int:
         """Upper estimate of the number of tasks, for the progress bar."""
+        # Starts and figures of 13 cases; traces of each normal drive, and what 5 detectors count.
+        cases, drives = 13 * (self.starts + 1), 6 * len(self.normal)
         cells = sum(len(self.drives_of(cell)) for cell in (None, *self.cells))
-        return (
-            13 * (self.starts + 1) + 6 * len(self.normal) + cells + count_runs(self.extent) + COUNT
-        )
+        return cases + drives + cells + count_runs(self.extent) + TRACK_COUNT
 
 
 def plain() -> Size:
@@ -277,7 +277,7 @@ class _Campaign:
                 false_on_track,
                 (number, self._recorded, self._settings, scales, chosen),
             )
-            for number in range(COUNT)
+            for number in range(TRACK_COUNT)
         ):
             for label, events in found.items():
                 counted.setdefault(label, Counter()).update(events)

@@ -38,6 +38,9 @@ Array = NDArray[np.float64]
 
 AS_PUBLISHED = "paper, as published"
 
+MEDIAN_OF_NORMAL = 0.6745
+"""Median deviation from the mean of a normal distribution, in standard deviations."""
+
 SMOOTH_RADAR: dict[str, float] = {
     "clearance_floor": 0.2,
     "relative_velocity_floor": 0.1,
@@ -84,7 +87,7 @@ def normal_scales(traces: list[Trace], names: list[str], settings: GraphSettings
     return NormalScales(
         # White noise has six times its variance in second differences; the median ignores outliers.
         tuple(
-            float(np.median(np.abs(np.concatenate(column))) / 0.6745 / np.sqrt(6.0))
+            float(np.median(np.abs(np.concatenate(column))) / MEDIAN_OF_NORMAL / np.sqrt(6.0))
             for column in second
         ),
         tuple(np.nanmean(off, axis=0).tolist()),

@@ -34,7 +34,7 @@ LANES = tuple(
 BACKWARD = "backward "
 """A recorded drive played from its end to its beginning; its name follows."""
 
-COUNT = 33
+TRACK_COUNT = 33
 """Tracks of the recorded radar that are long enough."""
 
 SHORTEST, GAP, JUMP = 3.0, 0.3, 6.0

@@ -140,7 +140,7 @@ PEAKS = (-8.0, -0.5)
 NAMES = (*_NAMED, BRAKING, *NORMAL)
 """Every drive there is, but for those of `IN_TRAFFIC`."""
 
-THERE_ARE = ", ".join(
+NAMES_IN_WORDS = ", ".join(
     (
         *_NAMED,
         BRAKING,
@@ -168,7 +168,7 @@ def lead_profile(name: str, peak: float | None = None) -> Profile:
     if name in (*HILLY, *NEW_HILLY):
         return _hilly(name)
     if name not in _NAMED:
-        raise UserError(f"unknown drive '{name}'; there are: {THERE_ARE}")
+        raise UserError(f"unknown drive '{name}'; there are: {NAMES_IN_WORDS}")
     return _NAMED[name]
 
 

@@ -15,7 +15,7 @@ from lfd_replay.drive import LATEST
 from lfd_replay.errors import WrongOption
 from lfd_replay.recordings.esr import EsrDecoder, Scan, select_lead
 from lfd_replay.recordings.lead_selection import HostMotion, LeadSelector
-from lfd_replay.units import KM_PER_H, MPH, G
+from lfd_replay.units import KM_PER_H, MPH, STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     import can
@@ -27,7 +27,7 @@ Frame = tuple[int, int, bytes]
 
 UNITS = {
     "m/s": 1.0, "mps": 1.0, "km/h": KM_PER_H, "kph": KM_PER_H, "kmh": KM_PER_H, "mph": MPH,
-    "m/s2": 1.0, "m/s^2": 1.0, "m/s²": 1.0, "mps2": 1.0, "g": G,
+    "m/s2": 1.0, "m/s^2": 1.0, "m/s²": 1.0, "mps2": 1.0, "g": STANDARD_GRAVITY,
 }  # fmt: skip
 """Units of a DBC, in lower case, that are understood, in m/s or m/s^2."""
 

@@ -26,6 +26,13 @@ TIMEOUT = 0.2
 """Seconds of silence after which NO_DATA must be said at 20 Hz: 0.15 s, and a scan."""
 
 
+TO_ITS_END = 0.97
+"""Share of a fault's steps that are flagged where it is found and stays found."""
+
+CLEAR_SOON = 1.5
+"""Seconds after a fault's end within which its signal must be believed again."""
+
+
 @dataclass(frozen=True)
 class Finding:
     """One figure of one profile; `met` is None where there is only a figure to report."""
@@ -107,7 +114,7 @@ class Judge:
             total <= per_run * len(self.results),
         )
 
-    def is_ready(self, least: float | None) -> None:
+    def ready(self, least: float | None) -> None:
         """The least share of time in which radar and acceleration were judged; None: a figure."""
         lowest = min((min(r["ready"][name] for name in JUDGED) for r in self.results), default=0.0)
         target = "" if least is None else f"{least:.0%}"
@@ -214,9 +221,9 @@ def _over(judge: Judge) -> None:
         late = sum(m["late"] for m in made)
         if late:
             judge.add(f"{signal} called faulty only once it was over", f"{late} of {len(made)}")
-        clear = [_clear_within(m, 1.5) for m in made if m["delay"] is not None]
+        clear = [is_clear_soon(m) for m in made if m["delay"] is not None]
         if clear:
-            judge.share(f"{signal} clear within 1.5 s", clear, 0.99)
+            judge.share(f"{signal} clear within {CLEAR_SOON:g} s", clear, 0.99)
 
 
 def judge_blame(judge: Judge) -> None:
@@ -228,12 +235,15 @@ def _to_its_end(judge: Judge, signal: str, least: float) -> None:
     """Flagged as long as it is faulty, and not much longer."""
     made = judge.of(signal)
     found = [m for m in made if m["delay"] is not None]
-    judge.share(f"{signal} flagged for 97 %", [m["fraction"] >= 0.97 for m in made], least)
-    judge.share(f"{signal} clear within 1.5 s", [_clear_within(m, 1.5) for m in found], least)
+    flagged = [m["fraction"] >= TO_ITS_END for m in made]
+    judge.share(f"{signal} flagged for {100 * TO_ITS_END:g} %", flagged, least)
+    clear = [is_clear_soon(m) for m in found]
+    judge.share(f"{signal} clear within {CLEAR_SOON:g} s", clear, least)
 
 
-def _clear_within(made: dict, most: float) -> bool:
-    return made["clear"] is not None and made["clear"] <= most
+def is_clear_soon(made: dict) -> bool:
+    """Whether what was made of a signal in a window says that it was believed again in time."""
+    return made["clear"] is not None and made["clear"] <= CLEAR_SOON
 
 
 def judge_held(judge: Judge) -> None:
@@ -329,7 +339,7 @@ def judge_other(judge: Judge) -> None:
 def judge_healthy(judge: Judge, ready: float | None = 0.95) -> None:
     """Silent, and not for want of judging; None: how long it was ready is only said."""
     judge.no_false_events()
-    judge.is_ready(ready)
+    judge.ready(ready)
 
 
 def judge_found_in_views(judge: Judge) -> None:
@@ -339,6 +349,14 @@ def judge_found_in_views(judge: Judge) -> None:
         judge.middle(f"{signal}, median delay", delays, 0.200)
     judge.no_blame(0.98)
     judge.no_false_events()
+
+
+def rms_over_all(rebuilt: list[dict]) -> tuple[float, int]:
+    """Error of one signal over the steps of all windows, in its unit (NaN: there was none valid),
+    and over how many steps."""
+    squares = [(r["rms"] ** 2, r["steps"]) for r in rebuilt if r["rms"] is not None]
+    total = sum(steps for _, steps in squares)
+    return (sum(s * n for s, n in squares) / total) ** 0.5 if total else float("nan"), total
 
 
 def judge_rebuilt(judge: Judge, recorded: bool, host_speed: bool = True) -> None:
@@ -357,9 +375,7 @@ def judge_rebuilt(judge: Judge, recorded: bool, host_speed: bool = True) -> None
             )
         else:
             most = 0.3 if host_speed else 0.7
-            squares = [(r["rms"] ** 2, r["steps"]) for r in rebuilt if r["rms"] is not None]
-            total = sum(steps for _, steps in squares)
-            rms = (sum(s * n for s, n in squares) / total) ** 0.5 if total else float("nan")
+            rms, _ = rms_over_all(rebuilt)
             judge.add(f"{signal}, rms", f"{rms:.2f} m/s^2", f"at most {most}", rms <= most)
         steps, flagged = sum(r["steps"] for r in rebuilt), sum(r["flagged"] for r in rebuilt)
         if steps:

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from lfd_replay.evaluation.fault_windows import PAPER
 from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS
 from lfd_replay.evaluation.requirements import plan
+from lfd_replay.evaluation.requirements.judge import TO_ITS_END, is_clear_soon
 from lfd_replay.evaluation.requirements.plan import Extent
-from lfd_replay.evaluation.requirements.rows import KINDS
+from lfd_replay.evaluation.requirements.rows import VALUES_OF_KIND
 from lfd_replay.evaluation.requirements.windows import NEAREST, Run
 from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.generated.lead_profiles import HILLY, TRAFFIC
@@ -69,7 +70,7 @@ def _groups(extent: Extent, recorded: bool) -> dict[str, list[Run]]:
         ],
         "noise": [
             run
-            for signal, value in KINDS["noise"].items()
+            for signal, value in VALUES_OF_KIND["noise"].items()
             for run in plan.spread("noise", ((signal, value),), drive, (1,), signed=False)
         ],
         "ramps": [
@@ -120,13 +121,13 @@ def ablation_table(
         results = [of(run, "robust") for run in runs]
         windows = [w for result in results for w in result["windows"]]
         made = [m for w in windows for m in w["signals"].values()]
-        flagged = [(m["fraction"] or 0.0) >= 0.97 for m in made]
+        flagged = [(m["fraction"] or 0.0) >= TO_ITS_END for m in made]
         table.setdefault(name, {})[title] = {
             "found": sum(m["delay"] is not None for m in made) / len(made) if made else 1.0,
             "signals": len(made),
             "flagged": sum(flagged) / len(made) if made else 1.0,
             "blamed": sum(bool(w["blamed"]) for w in windows),
-            "stuck": sum(m["clear"] is None or m["clear"] > 1.5 for m in made),
+            "stuck": sum(not is_clear_soon(m) for m in made),
             "false": sum(len(e) for r in results for e in r["false"].values()),
             "ready": min(min(r["ready"][s] for s in JUDGED) for r in results),
         }

@@ -13,7 +13,7 @@ from lfd_replay.evaluation.fault_windows import (
     fault_texts,
 )
 from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS
-from lfd_replay.evaluation.recorded_tracks import BACKWARD, COUNT, TRACK
+from lfd_replay.evaluation.recorded_tracks import BACKWARD, TRACK, TRACK_COUNT
 from lfd_replay.evaluation.recorded_views import PHONES, VIEWS
 from lfd_replay.evaluation.requirements.windows import NEAREST, Run
 from lfd_replay.generated.lead_profiles import NORMAL, TRAFFIC, lead_profile
@@ -227,7 +227,7 @@ def real(
 
 def views(extent: Extent) -> list[Run]:
     """The recorded car behind all its leads, as if it had other sensors."""
-    leads = (RECORDED, *(f"{TRACK}{k}" for k in range(COUNT)))
+    leads = (RECORDED, *(f"{TRACK}{k}" for k in range(TRACK_COUNT)))
     return [Run(lead, 0, sensor=view) for view in VIEWS for lead in leads[:: 10 // extent.starts]]
 
 

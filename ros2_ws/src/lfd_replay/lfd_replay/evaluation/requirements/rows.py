@@ -11,9 +11,9 @@ from lfd_replay.evaluation.random_sensors import RANDOM_SENSORS
 from lfd_replay.evaluation.recorded_noise import RECORDED_SENSORS, ROUGHER_SENSORS
 from lfd_replay.evaluation.recorded_tracks import (
     BACKWARD,
-    COUNT,
     LANES,
     TRACK,
+    TRACK_COUNT,
     TRACK_ID,
     TRACK_IDS,
 )
@@ -26,7 +26,7 @@ from lfd_replay.evaluation.requirements.windows import NEAREST, Run
 from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.generated.lead_profiles import HILLY, NEW_HILLY, NEW_TRAFFIC
 
-KINDS = {
+VALUES_OF_KIND = {
     "hold": dict.fromkeys((*JUDGED, "host_speed")),
     "zero": dict.fromkeys((*JUDGED, "host_speed")),
     "dropout": dict.fromkeys((*JUDGED, "host_speed")),
@@ -87,7 +87,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
     made += _healthy_drives(extent, recorded)
     made += _coarser_sensors(extent)
     if recorded:
-        made += _recorded_radar(extent)
+        made += _recorded_radar()
     return made
 
 
@@ -133,7 +133,7 @@ def _real_leads(extent: Extent) -> Iterator[Row]:
         yield Row(f"real leads: {signal} +-2", runs, judges.judge_offset)
         yield Row(f"real leads: {signal} +-2, rebuilt", plan.as_driven(runs), REBUILT_RECORDED)
     for kind, judge in JUDGES.items():
-        for signal, value in KINDS[kind].items():
+        for signal, value in VALUES_OF_KIND[kind].items():
             length, signed = _length_of(kind)
             runs = plan.real(extent, kind, ((signal, value),), signed, length)
             as_elsewhere = partial(judges.judge_kind, as_elsewhere=judge)
@@ -211,7 +211,7 @@ def _other_faults(extent: Extent) -> Iterator[Row]:
     blind = plan.spread("offset", PAPER[2:], extent.few, extent.seeds, host_speed=False)
     yield Row(title, blind, partial(judges.judge_found, least=0.99, delay=0.2))
     yield Row(f"{title}, rebuilt", blind, partial(REBUILT, host_speed=False))
-    for kind, by_signal in KINDS.items():
+    for kind, by_signal in VALUES_OF_KIND.items():
         judge = judges.judge_other
         if kind in JUDGES:
             judge = partial(judges.judge_kind, as_elsewhere=JUDGES[kind])
@@ -244,9 +244,9 @@ def _coarser_sensors(extent: Extent) -> Iterator[Row]:
         yield from _combinations(title, faults, judge)
 
 
-def _recorded_radar(extent: Extent) -> Iterator[Row]:
+def _recorded_radar() -> Iterator[Row]:
     """Every target of the recorded radar, in and out of the car's path."""
-    tracks = [Run(f"{TRACK}{number}", 0) for number in range(COUNT)]
+    tracks = [Run(f"{TRACK}{number}", 0) for number in range(TRACK_COUNT)]
     yield Row("every track of the recorded radar", tracks, judges.judge_healthy)
     ids = [Run(f"{TRACK_ID}{number}", 0) for number in TRACK_IDS]
     yield Row("every id of the recorded radar", ids, partial(judges.judge_healthy, ready=0.8))
@@ -287,7 +287,7 @@ def _one_signal_in_traffic(title: str, extent: Extent, sensor: str) -> Iterator[
         yield Row(f"{title}: {signal} +-2", runs, judges.judge_in_traffic)
     for kind, judge in {**JUDGES, "dropout": judges.judge_blame}.items():
         in_traffic_too = partial(judges.judge_kind_in_traffic, as_elsewhere=judge)
-        for signal, value in KINDS[kind].items():
+        for signal, value in VALUES_OF_KIND[kind].items():
             length, signed = _length_of(kind)
             values = ((signal, value),)
             runs = plan.faults_in_traffic(extent, kind, values, signed, length, sensor=sensor)
@@ -365,9 +365,7 @@ def _judge_v2v_rebuilt(judge: Judge) -> None:
     """How far off the coasted signals are, over all that was valid."""
     for signal in ("clearance", "relative_velocity"):
         rebuilt = [w["rebuilt"][signal] for w in judge.windows]
-        steps = [(r["rms"] ** 2, r["steps"]) for r in rebuilt if r["rms"] is not None]
-        total = sum(n for _, n in steps)
-        rms = (sum(s * n for s, n in steps) / total) ** 0.5 if total else float("nan")
+        rms, total = judges.rms_over_all(rebuilt)
         judge.add(f"{signal} rebuilt over 4 s, rms", f"{rms:.2f}")
         flagged = sum(r["flagged"] for r in rebuilt)
         judge.add(f"{signal} valid meanwhile", f"{total / max(flagged, 1):.1%} of {flagged} steps")
