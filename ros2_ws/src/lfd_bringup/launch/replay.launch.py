@@ -56,6 +56,16 @@ OUTPUTS = (
 def start(context):
     """The nodes, and an end when the player has ended."""
     value = {name: context.launch_configurations[name] for name in ARGUMENTS}
+    actions = graph(value)
+    if value["record"]:
+        actions.append(recording(value))
+    if value["drive"]:
+        actions += playing(value)
+    return actions
+
+
+def graph(value):
+    """The graph's nodes with their parameters, for the arguments' values."""
     params = Path(get_package_share_directory("lfd_bringup")) / "params"
     chosen = params / f"{value['profile']}.yaml"
     common = [
@@ -69,7 +79,7 @@ def start(context):
         ],
         "diagnosis_node": [{"markers": value["markers"].lower() == "true"}],
     }
-    actions = [
+    return [
         Node(
             package=package,
             executable=node,
@@ -80,13 +90,18 @@ def start(context):
         )
         for package, node in GRAPH
     ]
-    if value["record"]:
-        prefix = f"/{value['namespace'].strip('/')}/".replace("//", "/")
-        topics = [*(prefix + topic for topic in (*INPUTS, *OUTPUTS)), "/diagnostics"]
-        record = ["ros2", "bag", "record", "-s", "mcap", "-o", value["record"], "--topics", *topics]
-        actions.append(ExecuteProcess(cmd=record, output="screen"))
-    if not value["drive"]:
-        return actions
+
+
+def recording(value):
+    """What records inputs and outputs into a bag."""
+    prefix = f"/{value['namespace'].strip('/')}/".replace("//", "/")
+    topics = [*(prefix + topic for topic in (*INPUTS, *OUTPUTS)), "/diagnostics"]
+    record = ["ros2", "bag", "record", "-s", "mcap", "-o", value["record"], "--topics", *topics]
+    return ExecuteProcess(cmd=record, output="screen")
+
+
+def playing(value):
+    """The player, and what ends everything once it has ended."""
     arguments = [value["drive"], "--rate", value["rate"]]
     if value["fault"]:
         arguments += ["--fault", value["fault"]]
@@ -101,7 +116,7 @@ def start(context):
     end = RegisterEventHandler(
         OnProcessExit(target_action=player, on_exit=[EmitEvent(event=Shutdown())])
     )
-    return [*actions, player, end]
+    return [player, end]
 
 
 def generate_launch_description():

@@ -167,8 +167,8 @@ def of_paper(settings: GraphSettings) -> GraphSettings:
     )
 
 
-def main_calibrate(arguments: list[str]) -> int:
-    """The command line of `calibrate`."""
+def _parse(arguments: list[str]) -> argparse.Namespace:
+    """Raises UserError for a number of false events that cannot be."""
     parser = argparse.ArgumentParser(prog="calibrate", description=__doc__)
     parser.add_argument("drives", type=Path, nargs="+", metavar="DRIVE", help=DRIVE_HELP)
     add_read_options(parser)
@@ -182,9 +182,14 @@ def main_calibrate(arguments: list[str]) -> int:
     )
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="PARAMS.yaml")
     options = parser.parse_args(arguments)
-
     if not options.false_events >= 0.0:
         raise UserError(f"--false-events {options.false_events}: 0 or more per hour is expected")
+    return options
+
+
+def main_calibrate(arguments: list[str]) -> int:
+    """The command line of `calibrate`."""
+    options = _parse(arguments)
     refuse_to_overwrite(options.out, files_read(options, *options.drives))
     settings = graph_settings(options.profile)
     reading = read_options(options)
