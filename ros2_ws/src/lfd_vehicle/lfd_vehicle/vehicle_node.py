@@ -48,6 +48,9 @@ LOOP_ANSWERS = {
 
 LOOP_NODES = ("mpc_node", "observer_node", "diagnosis_node", "decision_node")
 
+LOCKSTEP_PERIOD = 0.1
+"""Seconds between looks for overdue answers in lockstep, where answers themselves go on."""
+
 SLOWEST = 0.001
 """Least rate at which the car still is driven."""
 
@@ -110,7 +113,7 @@ class VehicleNode(Node):
             else None
         )
         steady = RosClock(clock_type=ClockType.STEADY_TIME)
-        period = 0.1 if self._lockstep is not None else STEP_S / settings.rate
+        period = LOCKSTEP_PERIOD if self._lockstep is not None else STEP_S / settings.rate
         self._timer = self.create_timer(period, self._on_timer, clock=steady)
         ReadyAnnouncer(self, ["mpc/command"])
 
@@ -151,7 +154,7 @@ class VehicleNode(Node):
             self.get_logger().error(str(error))
 
     def _advance(self) -> None:
-        for sample in self._now():
+        for sample in self._observe():
             self._outputs.publish(sample)
         self._go_on()
 
@@ -162,7 +165,7 @@ class VehicleNode(Node):
             self._tell_time()
         if self.world.steps == 0 and not self._waiting:
             lockstep.check_reliable(self._outputs.topics)
-            self._waiting = self._now()
+            self._waiting = self._observe()
         while True:
             while self._waiting and lockstep.take_turn(self._waiting[0]):
                 self._outputs.publish(self._waiting.pop(0))
@@ -171,32 +174,32 @@ class VehicleNode(Node):
             self._go_on()
             if self.done:
                 return
-            self._waiting = self._now()
+            self._waiting = self._observe()
 
     def _tell_time(self) -> None:
         self._told = time.monotonic()
         self._clock.publish(Clock(clock=to_time(self.world.stamp)))
 
-    def _now(self) -> list[Sample]:
+    def _observe(self) -> list[Sample]:
         """Tell the time and the truth; the samples of the last 10 ms."""
         world = self.world
         self._tell_time()
         moment, motion = world.moment, world.vehicle.motion
         truth = TrueState(
-            world.stamp,
-            world.steps,
-            moment.clearance,
-            moment.relative_velocity,
-            motion.position,
-            moment.host_speed,
-            moment.host_acceleration,
-            moment.pitch,
-            world.lead.speed,
-            moment.lead_acceleration,
-            moment.grade,
-            world.vehicle.actuation.lost,
-            world.collided,
-            world.vehicle.model,
+            stamp=world.stamp,
+            step=world.steps,
+            clearance=moment.clearance,
+            relative_velocity=moment.relative_velocity,
+            host_position=motion.position,
+            host_speed=moment.host_speed,
+            host_acceleration=moment.host_acceleration,
+            host_pitch=moment.pitch,
+            lead_speed=world.lead.speed,
+            lead_acceleration=moment.lead_acceleration,
+            grade=moment.grade,
+            command_lost=world.vehicle.actuation.lost,
+            collided=world.collided,
+            model=world.vehicle.model,
         )
         self._truth.publish(to_message(truth, VehicleTruth()))
         if world.steps % MARKER_STEPS == 0:
@@ -206,7 +209,7 @@ class VehicleNode(Node):
     def _go_on(self) -> None:
         self.world.step()
         if self.world.ended:
-            self._now()
+            self._observe()
             self.done = True
             ending = "the cars touch" if self.world.collided else "the lead's motion ends"
             self.get_logger().info(f"{ending} after {self.world.steps * STEP_S:.2f} s")

@@ -67,12 +67,19 @@ LEAD_PERIOD, LEAD_DELAY, LEAD_NOISE = 0.1, 0.1, 0.2
 """The V2V messages of generated drives: period and delay in s, noise in m/s^2."""
 
 
+LIE_FROM, LIE = 20.0, 4.0
+"""Seconds from which on a lead that lies does so, and by how many m/s^2."""
+
+STARTING = 1.0
+"""Seconds at the beginning in which nothing need be ready."""
+
+
 @dataclass(frozen=True)
 class Run:
     """One drive with faults: which drive, which sensors, which inputs, which profiles.
 
     `faults`: texts. `changes`: settings of the bank and the diagnosis, by name, that differ from
-    those of its `profiles`. `lead`: what the lead says: nothing, the truth, or a lie from 20 s on.
+    those of its `profiles`. `lead`: what the lead says: nothing, the truth, or a lie after a while.
     `mishap`: what happens to the sensors, of `MISHAPS`.
     """
 
@@ -138,7 +145,7 @@ def _lead_says(run: Run) -> list[Sample]:
     noise = np.random.default_rng(run.seed).normal(0.0, LEAD_NOISE, len(times))
     said = np.interp(times - LEAD_DELAY, truth.time, truth.lead_acceleration) + noise
     if run.lead == "a lie":
-        said += np.where(times > 20.0, 4.0, 0.0)
+        said += np.where(times > LIE_FROM, LIE, 0.0)
     # The truth's time zero is that of the stamps.
     return [
         ScalarSample(LEAD_ACCELERATION, round(t * 1e9), float(v))
@@ -259,7 +266,8 @@ def run_windows(run: Run, recorded: Path | None) -> dict[str, dict]:
             "windows": [made_of(view, error, healthy, fault) for fault in faults],
             "false": false_events(view, faults),
             "ready": {
-                name: float(ready[view.times > 1.0].mean()) for name, ready in view.ready.items()
+                name: float(ready[view.times > STARTING].mean())
+                for name, ready in view.ready.items()
             },
             "hours": _hours(view, faults),
         }
