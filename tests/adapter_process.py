@@ -83,8 +83,8 @@ def main(source: str) -> int:
         )
         position = SimpleNamespace(scan=0)
 
-        def followed() -> bool:
-            """Half a second of driving at a time."""
+        def drive_on() -> bool:
+            """Half a second more; whether the lead is followed."""
             for _ in range(10):
                 stamp = 10_000_000_000 + position.scan * 50_000_000
                 for message in MAKE[source](stamp, position.scan):
@@ -99,7 +99,7 @@ def main(source: str) -> int:
                 position.scan += 1
             return any(report.clearance.state == State.OK for report in reports)
 
-        graph.spin_until(followed, "a clearance that is OK", seconds=30.0)
+        graph.spin_until(drive_on, "a clearance that is OK", seconds=30.0)
         last = reports[-1]
         if source == "can_frames":
             assert last.clearance.reason.endswith("the radar says: sidelobe blockage"), last

@@ -42,6 +42,15 @@ class Car:
         self.number += 1
         self.velocity += 0.01 * self.lead_acceleration
         self.clearance += 0.01 * self.velocity
+        now = self._sense(faults)
+        if self.number % self.scan == 1 and not self.radar_silent:
+            self.seen, self.scanned = (now["clearance"], now["relative_velocity"]), self.number
+        horizon = make_horizon(self.number, **self._of_radar(), **self._of_others(now))
+        self.outcomes.append(self.diagnosis.step(horizon, self.bank.step(horizon)))
+        return self.outcomes[-1]
+
+    def _sense(self, faults: dict[str, float]) -> dict[str, float]:
+        """What every sensor would say now."""
         noise = self.random.normal(size=5).tolist()
         now = {
             "clearance": self.clearance + 0.05 * noise[0],
@@ -55,14 +64,16 @@ class Car:
             now[name] = round(said / resolution) * resolution
         for name in now:
             now[name] = faults.get(f"{name}_is", now[name] + faults.get(name, 0.0))
-        if self.number % self.scan == 1 and not self.radar_silent:
-            self.seen, self.scanned = (now["clearance"], now["relative_velocity"]), self.number
+        return now
+
+    def _of_radar(self) -> dict[str, float]:
+        """The horizon's fields of the last scan, carried to now."""
         age = 0.01 * (self.number - self.scanned)
         clearance, velocity = self.seen
         measured = {"measured_clearance": clearance, "measured_relative_velocity": velocity}
         clearance = self.clearance if isnan(clearance) else clearance
         velocity = self.velocity if isnan(velocity) else velocity
-        fields = {
+        return {
             **measured,
             "clearance": clearance + velocity * age,
             "velocity": velocity,
@@ -72,6 +83,11 @@ class Car:
             "relative_velocity_stale": age > STALE,
             "has_target": self.has_target,
             "track_id": self.track_id,
+        }
+
+    def _of_others(self, now: dict[str, float]) -> dict[str, float]:
+        """Its fields of the other sensors."""
+        fields = {
             "acceleration": now["acceleration"],
             "measured_acceleration": now["acceleration"],
             "acceleration_stale": self.accelerometer_silent,
@@ -85,9 +101,7 @@ class Car:
                 "lead_acceleration_age": 0.05,
                 "lead_acceleration_stale": False,
             }
-        horizon = make_horizon(self.number, **fields)
-        self.outcomes.append(self.diagnosis.step(horizon, self.bank.step(horizon)))
-        return self.outcomes[-1]
+        return fields
 
     def follow_unsteady(self, seconds: int, seed: int) -> None:
         """Behind a lead that accelerates otherwise every second and stays about where it is."""

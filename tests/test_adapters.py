@@ -29,7 +29,7 @@ from ros_support import Graph
 ADAPTER = Path(__file__).parent / "adapter_process.py"
 
 
-def listen(graph: Graph, node, kind: type, topic: str) -> list:
+def listen(node, kind: type, topic: str) -> list:
     """Everything that a subscriber of a topic sees."""
     seen: list = []
     node.create_subscription(kind, topic, seen.append, qos_profile_sensor_data)
@@ -44,8 +44,8 @@ def test_odometry_and_acceleration_become_the_graph_s_inputs() -> None:
     with Graph() as graph:
         adapter = graph.add(HostAdapterNode(graph.context))
         car = probe(graph)
-        speed = listen(graph, car, TwistStamped, "vehicle/twist")
-        felt = listen(graph, car, Imu, "vehicle/imu")
+        speed = listen(car, TwistStamped, "vehicle/twist")
+        felt = listen(car, Imu, "vehicle/imu")
         odometry = car.create_publisher(Odometry, "host/odometry", 10)
         accel = car.create_publisher(AccelWithCovarianceStamped, "host/accel", 10)
         graph.spin_until(
@@ -76,7 +76,7 @@ def test_a_second_imu_is_turned_and_its_offset_taken_off() -> None:
     with Graph() as graph:
         graph.add(HostAdapterNode(graph.context, cli_args=arguments))
         car = probe(graph)
-        felt = listen(graph, car, Imu, "vehicle/imu")
+        felt = listen(car, Imu, "vehicle/imu")
         imu = car.create_publisher(Imu, "host/imu", 10)
         message = Imu()
         message.header.stamp = to_time(1_000_000_000)
@@ -107,8 +107,8 @@ def test_a_can_bus_reaches_radar_target_with_what_the_radar_says(tmp_path: Path)
     with Graph() as graph, can.Bus(channel="lfd-test", interface="virtual") as bus:
         graph.add(RadarAdapterNode(graph.context, cli_args=arguments))
         car = probe(graph)
-        targets = listen(graph, car, RadarTarget, "radar/target")
-        felt = listen(graph, car, Imu, "vehicle/imu")
+        targets = listen(car, RadarTarget, "radar/target")
+        felt = listen(car, Imu, "vehicle/imu")
         graph.spin_until(lambda: car.count_publishers("/radar/target"), "discovery")
         scan = 0
 
@@ -139,7 +139,7 @@ def test_the_lead_of_a_can_bus_is_chosen_by_the_topics_of_the_host_and_damage_is
             RadarAdapterNode(graph.context, cli_args=bus_arguments(can_channel="lfd-bend"))
         )
         car = probe(graph)
-        targets = listen(graph, car, RadarTarget, "radar/target")
+        targets = listen(car, RadarTarget, "radar/target")
         told: list[Log] = []
         car.create_subscription(Log, "/rosout", told.append, 100)
         speed = car.create_publisher(TwistStamped, "vehicle/twist", 10)
@@ -187,7 +187,7 @@ def test_an_interface_that_was_down_is_named_and_read_again(monkeypatch) -> None
         told: list[Log] = []
         everything = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         car.create_subscription(Log, "/rosout", told.append, everything)
-        targets = listen(graph, car, RadarTarget, "radar/target")
+        targets = listen(car, RadarTarget, "radar/target")
         graph.add(RadarAdapterNode(graph.context, cli_args=bus_arguments(can_channel="lfd-down")))
 
         def send_scan() -> bool:

@@ -459,7 +459,14 @@ def test_the_whole_evaluation_in_small(tmp_path: Path, monkeypatch) -> None:
         again = campaign.evaluate_paper(small, SETTINGS, None, tmp_path, pool, lambda: None)
         assert tmp_path.joinpath("journal.jsonl").stat().st_size == size
     assert again.rows == found.rows
+    check_cases_and_normal_drives(found, result)
+    check_detectors(found, result)
+    check_requirements(result)
+    for title, columns, table in tables(found):
+        assert all(len(row) == len(columns) for row in table), title
 
+
+def check_cases_and_normal_drives(found: campaign.Evaluation, result: dict) -> None:
     cases = {(c["drive"], *c["faults"]): c["sensors"] for c in result["cases"]}
     assert len(cases) == 9
     radar = cases["data-1", "offset:clearance=4,relative_velocity=-10@40.0000-60.0000"]
@@ -472,6 +479,18 @@ def test_the_whole_evaluation_in_small(tmp_path: Path, monkeypatch) -> None:
         "false_events_per_hour",
     }
     assert result["normal"]["hours"] == pytest.approx(160 / 3600, rel=0.01)
+    in_words = case_rows(found)
+    assert len(in_words) == 9
+    # The page stands alone, and the paper's letters are not explained on it.
+    assert {row[1] for row in in_words} == {
+        "no fault",
+        "clearance and relative velocity",
+        "acceleration",
+        "clearance and relative velocity and acceleration",
+    }
+
+
+def check_detectors(found: campaign.Evaluation, result: dict) -> None:
     rows = {row["name"]: row for row in result["detectors"]}
     assert set(rows) == {
         "paper",
@@ -501,15 +520,6 @@ def test_the_whole_evaluation_in_small(tmp_path: Path, monkeypatch) -> None:
     for name, matrix in result["confusion"].items():
         assert sum(matrix["acceleration"].values()) == published["windows"], name
         assert sum(matrix["no fault"].values()) > 10, name
-    cases = case_rows(found)
-    assert len(cases) == 9
-    # In words: the page stands alone, and the paper's letters are not explained on it.
-    assert {row[1] for row in cases} == {
-        "no fault",
-        "clearance and relative velocity",
-        "acceleration",
-        "clearance and relative velocity and acceleration",
-    }
     assert all(set(by_signal) == set(JUDGED) for by_signal in result["settings"].values())
     hourly = round(result["normal"]["hours"] * campaign.FALSE_EVENTS_PER_HOUR)
     for name, by_signal in found.chosen.items():
@@ -517,6 +527,8 @@ def test_the_whole_evaluation_in_small(tmp_path: Path, monkeypatch) -> None:
         for signal, choice in by_signal.items():
             assert choice.false_events <= allowed, f"{name} {signal}"
 
+
+def check_requirements(result: dict) -> None:
     told = {(f["profile"], f["row"], f["what"]): f for f in result["requirements"]}
     assert told["robust", "Table 3: all three", "clearance found"]["met"]
     assert told["robust", "Table 3: all three", "no healthy signal blamed"]["met"]
@@ -525,5 +537,3 @@ def test_the_whole_evaluation_in_small(tmp_path: Path, monkeypatch) -> None:
     assert told["robust", "hold host_speed", "found within 0.5 s of having moved enough"]["met"]
     assert told["robust", "dropout clearance", "clearance: NO_DATA in time"]["met"]
     assert result["kinds"]["clearance"]["offset"].keys() == {"offset"}
-    for title, columns, table in tables(found):
-        assert all(len(row) == len(columns) for row in table), title

@@ -43,7 +43,7 @@ def allowed(node: str) -> dict[str, set[str]]:
     return found
 
 
-def running(graph: Graph, watcher, node: str) -> dict[str, set[str]]:
+def running(watcher, node: str) -> dict[str, set[str]]:
     """What a running node does."""
     ways = {
         "publish": watcher.get_publisher_names_and_types_by_node,
@@ -62,7 +62,7 @@ def test_the_policy_lists_exactly_what_the_running_graph_has() -> None:
         watcher = graph.add(rclpy.create_node("watcher", context=graph.context))
         for name in NODES:
             graph.spin_until(
-                lambda: running(graph, watcher, name) == allowed(name),  # noqa: B023
+                lambda: running(watcher, name) == allowed(name),  # noqa: B023
                 f"{name} does what its policy says",
             )
 
