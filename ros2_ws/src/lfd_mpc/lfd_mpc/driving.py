@@ -291,7 +291,7 @@ class CarDriver:
         # Where the speed is not known any more, as far as it was last.
         known = speed if isfinite(speed) else self._speed
         if isfinite(known):
-            return settings.minimum_clearance + gap * settings.preview_time * max(known, 0.0)
+            return settings.desired_clearance(max(known, 0.0), gap)
         # No nearer than now, where that is known.
         return max(settings.minimum_clearance, clearance)
 

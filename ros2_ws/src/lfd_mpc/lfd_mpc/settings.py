@@ -267,3 +267,10 @@ class MpcSettings(DrivingSettings, HorizonSettings):
         gt=0.0,
         le=1e-3,
     )
+
+    def desired_clearance(self, host_speed: float, gap: float = 1.0) -> float:
+        """In m at a speed in m/s (eq 1); `gap`: how many times as large the preview is.
+
+        What is compiled has its own, `desired_clearance` of `controller.py`.
+        """
+        return self.minimum_clearance + gap * self.preview_time * host_speed

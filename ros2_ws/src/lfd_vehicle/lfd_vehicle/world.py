@@ -40,7 +40,7 @@ class World:
         speed = motion.speed if scenario.speed is None else scenario.speed
         gap = scenario.gap
         if gap is None:
-            gap = control.minimum_clearance + control.preview_time * speed
+            gap = control.desired_clearance(speed)
         if not (0.0 < gap < FARTHEST and 0.0 <= speed <= FASTEST):
             raise UserError(
                 f"a gap of {gap:g} m at {speed:g} m/s: 0 to {FARTHEST:g} m and 0 to {FASTEST:g} m/s"
