@@ -1,8 +1,8 @@
 """Units and signs that inputs seem to be in: two pairs of them tell the same motion twice.
 
 A clearance changes by what its relative velocity makes of it, and a speed by what the acceleration
-makes. Where one of a pair is a steady multiple of the other, it is in another unit, or
-its sign is another one; a sensor's fault is no such thing all along.
+makes. Where one of a pair is a steady multiple of the other, it is in another unit, or its sign is
+another one; a sensor's fault is no such thing all along.
 """
 
 from collections.abc import Iterator, Sequence

@@ -83,7 +83,9 @@ def changes_its_id(samples: Sequence[Sample], generator: np.random.Generator) ->
     return made
 
 
-def is_silent(samples: Sequence[Sample], generator: np.random.Generator, name: str) -> list[Sample]:
+def falls_silent(
+    samples: Sequence[Sample], generator: np.random.Generator, name: str
+) -> list[Sample]:
     """The sensor of that input says nothing now and then: dropouts, but none that anyone looks
     for."""
     times = _times(samples, generator, lambda: generator.choice(SILENCES))
@@ -110,8 +112,8 @@ MISHAPS: dict[str, Callable[[Sequence[Sample], np.random.Generator], list[Sample
     "a radar that loses its lead": loses_its_lead,
     "a radar that repeats itself": repeats_itself,
     CHANGING_IDS: changes_its_id,
-    "a silent radar": partial(is_silent, name=RADAR),
-    "a silent accelerometer": partial(is_silent, name=ACCELERATION),
-    "a silent host speed": partial(is_silent, name=HOST_SPEED),
+    "a silent radar": partial(falls_silent, name=RADAR),
+    "a silent accelerometer": partial(falls_silent, name=ACCELERATION),
+    "a silent host speed": partial(falls_silent, name=HOST_SPEED),
 }
 """By name: healthy samples in the order of their stamps, as they are with it."""

@@ -29,10 +29,13 @@ from lfd_replay.profiles import GraphSettings
 from lfd_replay.recorded_step import RecordedStep
 
 
+def _drive_name(case: Case) -> str:
+    return "recorded drive" if case.drive == RECORDED else case.drive
+
+
 def case_title(case: Case) -> str:
     """A case in words."""
-    drive = "recorded drive" if case.drive == RECORDED else case.drive
-    return f"{drive}: {combination_title(case.combination)}"
+    return f"{_drive_name(case)}: {combination_title(case.combination)}"
 
 
 def figures_of_case(
@@ -59,7 +62,7 @@ def figures_of_case(
         )
     ]
     if not faults:
-        name = "recorded drive" if case.drive == RECORDED else case.drive
+        name = _drive_name(case)
         figures += [
             mpc_figure(f"mpc-{case.drive}", f"{name}: the controller (Figs 6, 18)", recording),
             reconstruction_figure(
