@@ -95,6 +95,7 @@ from lfd_diagnosis.travelled_path import (
     is_explainable,
     path_drift,
     path_limit,
+    undone_rise,
 )
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
@@ -137,6 +138,9 @@ DRIVES_OFF = 0.75
 
 LEADS_TO_PART = 0.15
 """Share of a jump of the clearance by which it may lead beside where it was before."""
+
+BACK_ON_PATH = 0.3
+"""Share of a jump of the clearance by which it may lead beside the path that was travelled."""
 
 ONE_STEP = 1.2
 """Steps of its resolution by which a clearance jumps at least: one step it may take any time."""
@@ -512,6 +516,9 @@ def _suspect(radar, settings, signal, of_clearance, changed):
             acquit(signal)
         elif is_bad(signal) and of_clearance and _leads_back(radar, settings):
             _see_another_part(radar, radar.measured_clearance.value)
+        elif is_bad(signal) and of_clearance and _ends_an_unseen_drift(radar, settings):
+            _see_another_part(radar, radar.measured_clearance.value)
+            radar.elsewhere = 0.0
         elif is_bad(signal) and ends_the_last(signal):
             signal.ended_size = np.nan
             if of_clearance:
@@ -579,6 +586,15 @@ def _leads_back(radar, settings):
     hardly = abs(jump) <= min(HARDLY * radar.clearance.limit, settings.largest_shift)
     back = beside * jump < 0.0 and abs(beside + jump) < LEADS_TO_PART * abs(jump)
     return settings.check_drift and hardly and back
+
+
+@inner
+def _ends_an_unseen_drift(radar, settings):
+    """Whether the clearance jumps back onto the path travelled, which it had left by as much
+    meanwhile: a drift ends that was not found, and the clearance is right again."""
+    jump = radar.clearance.residual
+    off = undone_rise(radar.path, jump)
+    return settings.check_drift and abs(off + jump) < BACK_ON_PATH * abs(jump)
 
 
 @inner

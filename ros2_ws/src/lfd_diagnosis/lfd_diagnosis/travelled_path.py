@@ -90,7 +90,7 @@ POINTS = 4096
 TRAVELLED_PATH = np.dtype(
     [
         ("noise", LEARNT_NOISE),
-        ("points", "f8", (POINTS, 4)),
+        ("points", "f8", (POINTS, 5)),
         ("reach", "f8"),
         ("first", "i8"),
         ("count", "i8"),
@@ -98,14 +98,16 @@ TRAVELLED_PATH = np.dtype(
         ("clearance", "f8"),
         ("velocity", "f8"),
         ("skipped", "f8"),
+        ("skipped_time", "f8"),
     ],
     align=True,
 )
 """What the clearance is off from the path travelled, over the last seconds.
 
 `points` are time (s), that difference (m), how far the velocity was off from its prediction
-(m/s), and the velocity (m/s). `reach`: seconds of path that tell who is wrong. `skipped`: steps
-between parts of a car that were left out of the last window.
+(m/s), the velocity (m/s), and the time (s) that was left out until then. `reach`: seconds of path
+that tell who is wrong. `skipped`: steps between parts of a car that were left out of the last
+window, `skipped_time` the seconds that all of them took.
 """
 
 DRIFT = np.dtype(
@@ -129,7 +131,7 @@ def clear_path(path):
     path.first = path.count = 0
     path.then = -np.inf
     path.clearance = path.velocity = np.nan
-    path.skipped = 0.0
+    path.skipped = path.skipped_time = 0.0
 
 
 @inner
@@ -190,7 +192,7 @@ def follow_path(path, settings, time, clearance, velocity, step):
         path.first, path.count = _point(path, 1), path.count - 1
     new = _point(path, path.count)
     points[new, 0], points[new, 1] = time, off
-    points[new, 2], points[new, 3] = step, velocity
+    points[new, 2], points[new, 3], points[new, 4] = step, velocity, path.skipped_time
     path.count += 1
     while time - points[path.first, 0] > 2.0 * settings.drift_window + BEYOND_WINDOW:
         path.first, path.count = _point(path, 1), path.count - 1
@@ -203,6 +205,7 @@ def skip_path(path, time, clearance, velocity):
     is no drift, and the time between them tells nothing."""
     path.clearance = clearance - 0.5 * (velocity + path.velocity) * (time - path.then)
     path.skipped += 1.0
+    path.skipped_time += time - path.then
     for i in range(path.count):
         path.points[_point(path, i), 0] += time - path.then
 
@@ -237,6 +240,22 @@ def drift_rate(path, noise, time):
     rate = (last - _level(path, time - MEAN - known)) / known
     doubt = RATE_DOUBT * noise**0.5 / known
     return beyond(rate, doubt)
+
+
+@inner
+def undone_rise(path, jump):
+    """How far (m) the clearance has come away from the path travelled, over all of it that is
+    known: of what that may be the nearest to what a `jump` (m) undoes; 0 while the path is short.
+
+    What was left out may have gone on just so.
+    """
+    length, points = path_length(path), path.points
+    if length < LEAST_TIME:
+        return 0.0
+    first, last = path.first, _point(path, path.count - 1)
+    rise = _level(path, points[last, 0] - MEAN) - _level(path, points[first, 0])
+    whole = rise * (1.0 + (points[last, 4] - points[first, 4]) / length)
+    return max(min(rise, whole), min(-jump, max(rise, whole)))
 
 
 @inner
