@@ -629,6 +629,27 @@ def test_a_drift_goes_on_through_the_ids_of_one_car(
     assert car.delay(signal, start) * abs(rate) <= most
 
 
+@pytest.mark.parametrize("rate", [2.0, -2.0])
+@pytest.mark.parametrize(("beside", "fault"), [(0.0, False), (-2.0, True)])
+def test_the_end_of_a_drift_that_was_not_found_is_no_fault(
+    rate: float, beside: float, fault: bool
+) -> None:
+    """It leads back onto the path that was travelled; a fault would lead beside it."""
+    car = Car()
+
+    def drive(seconds: float, off: float, drifts: float = 0.0) -> None:
+        for k in range(round(100 * seconds)):
+            car.track_id = 10 + (car.number // 37) % 2
+            car.step(clearance=off + 0.01 * drifts * k)
+
+    drive(14.0, 0.0)
+    start = car.number
+    drive(1.0, 0.0, rate)
+    assert not car.faults_since(start)
+    drive(4.0, beside if rate > 0.0 else -beside)
+    assert car.faults_since(start) == ({"clearance", "radar"} if fault else set())
+
+
 @pytest.mark.parametrize("off", [2.0, -4.0])
 @pytest.mark.parametrize("later", [3.0, 8.0, 20.0])
 def test_an_offset_that_is_believed_since_another_car_came_ends_when_it_jumps_back(
