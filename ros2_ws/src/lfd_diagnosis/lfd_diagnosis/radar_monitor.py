@@ -139,7 +139,7 @@ DRIVES_OFF = 0.75
 LEADS_TO_PART = 0.15
 """Share of a jump of the clearance by which it may lead beside where it was before."""
 
-BACK_ON_PATH = 0.3
+BACK_ON_PATH = 0.2
 """Share of a jump of the clearance by which it may lead beside the path that was travelled."""
 
 ONE_STEP = 1.2
