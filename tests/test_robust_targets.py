@@ -639,7 +639,7 @@ def test_the_end_of_a_drift_that_was_not_found_is_no_fault(
 
     def drive(seconds: float, off: float, drifts: float = 0.0) -> None:
         for k in range(round(100 * seconds)):
-            car.track_id = 10 + (car.number // 37) % 2
+            car.track_id = 10 + (car.number // 80) % 2
             car.step(clearance=off + 0.01 * drifts * k)
 
     drive(14.0, 0.0)
