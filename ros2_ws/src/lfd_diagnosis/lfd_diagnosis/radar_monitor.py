@@ -517,8 +517,7 @@ def _suspect(radar, settings, signal, of_clearance, changed):
         elif is_bad(signal) and of_clearance and _leads_back(radar, settings):
             _see_another_part(radar, radar.measured_clearance.value)
         elif is_bad(signal) and of_clearance and _ends_an_unseen_drift(radar, settings):
-            _see_another_part(radar, radar.measured_clearance.value)
-            radar.elsewhere = 0.0
+            _convict_of_ended_drift(radar, settings)
         elif is_bad(signal) and ends_the_last(signal):
             signal.ended_size = np.nan
             if of_clearance:
@@ -595,6 +594,16 @@ def _ends_an_unseen_drift(radar, settings):
     jump = radar.clearance.residual
     off = undone_rise(radar.path, jump)
     return settings.check_drift and abs(off + jump) < BACK_ON_PATH * abs(jump)
+
+
+@inner
+def _convict_of_ended_drift(radar, settings):
+    """The clearance was off until just now, and is right again."""
+    clearance, jump = radar.clearance, radar.clearance.residual
+    give_ground(clearance.because, Ground.RESIDUAL, jump, clearance.limit, 0.0)
+    rebase(radar.track, clearance, radar.measured_clearance.value, True)
+    clearance.residual = undone_rise(radar.path, jump)
+    _convict(radar, settings, clearance, Kind.RAMP)
 
 
 @inner
