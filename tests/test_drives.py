@@ -312,6 +312,7 @@ MISTAKES = {
         ["good.csv", "--map", "range_m=dist"],
         "--map range_m=dist: column 'dist' is missing; there are: t_s, range_m",
     ),
+    "no number of processes": (["good.csv", "--jobs", "two"], "--jobs two: 1 or more is expected"),
     "unwritable": (["good.csv", "--json", "good.csv/out.json"], "cannot be written"),
     "written over a folder": (["good.csv", "--json", "folder"], "folder: cannot be written"),
 }

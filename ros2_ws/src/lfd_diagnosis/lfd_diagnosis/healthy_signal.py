@@ -261,7 +261,8 @@ def _learn_step(roughness, at, step, healthy):
         _keep_step(steps, step)
     else:
         _keep_step(proving[1], step)
-    if at > roughness.proven_at + PROVEN:
+        if at <= roughness.proven_at + PROVEN:
+            return
         for i in range(LEAST_STEPS):
             _keep_step(steps, proving[0, i])
         proving[0, :] = proving[1, :]

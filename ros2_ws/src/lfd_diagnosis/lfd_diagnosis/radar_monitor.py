@@ -602,7 +602,8 @@ def _convict_of_ended_drift(radar, settings):
     clearance, jump = radar.clearance, radar.clearance.residual
     give_ground(clearance.because, Ground.RESIDUAL, jump, clearance.limit, 0.0)
     rebase(radar.track, clearance, radar.measured_clearance.value, True)
-    clearance.residual = undone_rise(radar.path, jump)
+    # It was off by what it jumped back by.
+    clearance.residual = -jump
     _convict(radar, settings, clearance, Kind.RAMP)
 
 

@@ -20,7 +20,7 @@ from rich.table import Table
 
 from lfd_mpc.errors import UserError
 from lfd_replay.drive import Drive
-from lfd_replay.faults import Fault
+from lfd_replay.faults import Fault, spared_signals
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, known_profile
 from lfd_replay.read_drive import add_read_options
 from lfd_replay.score import SUMMARY_COLUMNS, summary_rows
@@ -49,6 +49,26 @@ def add_profile_option(parser: argparse.ArgumentParser, what: str = "profile") -
     )
 
 
+def _job_count(text: str) -> int:
+    try:
+        jobs = int(text)
+    except ValueError:
+        jobs = 0
+    if jobs < 1:
+        raise UserError(f"--jobs {text}: 1 or more is expected")
+    return jobs
+
+
+def add_jobs_option(parser: argparse._ActionsContainer) -> None:
+    """`--jobs`; anything but a number of 1 or more is refused by a UserError."""
+    parser.add_argument(
+        "--jobs",
+        type=_job_count,
+        default=os.cpu_count() or 1,
+        help="processes (default: %(default)s)",
+    )
+
+
 def parse_campaign(
     parser: argparse.ArgumentParser, arguments: list[str], out: str
 ) -> argparse.Namespace:
@@ -61,14 +81,9 @@ def parse_campaign(
         metavar="FOLDER",
         help="where the recorded drive is (default: %(default)s)",
     )
-    parser.add_argument(
-        "--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: %(default)s)"
-    )
+    add_jobs_option(parser)
     parser.add_argument("--out", type=Path, default=Path(out), help="(default: %(default)s)")
-    options = parser.parse_args(arguments)
-    if options.jobs < 1:
-        raise UserError(f"--jobs {options.jobs}: 1 or more is expected")
-    return options
+    return parser.parse_args(arguments)
 
 
 QUIET_S = 30.0
@@ -101,15 +116,17 @@ class CountingProgress(Progress):
 
 def idle_faults(drive: Drive, faults: list[Fault]) -> list[str]:
     """Faults that change nothing of a drive, in words: none of them can be found."""
-    said = []
-    for fault in faults:
-        if fault.start * 1e-9 > drive.duration:
+    if not faults:
+        return []
+    said, duration = [], drive.duration
+    for fault, spared in zip(
+        faults, spared_signals(faults, drive.samples, drive.zero), strict=True
+    ):
+        if fault.start * 1e-9 > duration:
             said.append(
-                f"fault '{fault.text}' starts after the end of the drive ({drive.duration:.1f} s)"
+                f"fault '{fault.text}' starts after the end of the drive ({duration:.1f} s)"
             )
-            continue
-        spared = [s for s in fault.signals if not fault.meets(s, drive.samples, drive.zero)]
-        if spared:
+        elif spared:
             within = f"no sample from {fault.start * 1e-9:g} to {fault.end * 1e-9:g} s"
             said.append(f"fault '{fault.text}' does nothing to {' and '.join(spared)}: {within}")
     return said

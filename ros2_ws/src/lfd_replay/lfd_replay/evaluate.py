@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,6 +15,7 @@ from lfd_mpc.errors import UserError
 from lfd_mpc.samples import Sample
 from lfd_replay.command_line import (
     add_drive_options,
+    add_jobs_option,
     add_profile_option,
     idle_faults,
     print_table,
@@ -138,9 +138,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         "--report", type=Path, metavar="FOLDER", help="write a page to look at there (one drive)"
     )
     many = parser.add_argument_group("several drives")
-    many.add_argument(
-        "--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: %(default)s)"
-    )
+    add_jobs_option(many)
     many.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler to use instead")
     return parser.parse_args(arguments)
 
@@ -148,8 +146,6 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
 def main_evaluate(arguments: list[str]) -> int:
     """The command line of `evaluate`."""
     options = _parse(arguments)
-    if options.jobs < 1:
-        raise UserError(f"--jobs {options.jobs}: 1 or more is expected")
     question = Question(
         options.profile,
         graph_settings(options.profile, options.params),

@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 from math import isfinite, nan
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
-from lfd_replay.drive import LATEST
+from lfd_replay.drive import LATEST, streams_of
 
 SIGNALS = ("clearance", "relative_velocity", ACCELERATION, HOST_SPEED)
 RADAR_SIGNALS = SIGNALS[:2]
@@ -45,18 +46,6 @@ class Fault:
     def signals(self) -> tuple[str, ...]:
         """The signals that the fault acts on."""
         return tuple(name for name, _ in self.values)
-
-    def meets(self, signal: str, samples: Iterable[Sample], zero: int) -> bool:
-        """Whether any sample holds this signal of the fault within its time."""
-        start, end = zero + self.start, zero + self.end
-        name = RADAR if signal in RADAR_SIGNALS else signal
-        even_empty = _silences(self, signal)
-        return any(
-            start <= sample.stamp < end
-            and sample.input == name
-            and (even_empty or not isinstance(sample, RadarSample) or sample.has_target)
-            for sample in samples
-        )
 
 
 _TIME = r"(\d+(?:\.\d*)?|\.\d+)"
@@ -240,6 +229,28 @@ class _Effect:
             return value
         self._spiked = second
         return value + self._value
+
+
+def _stamps(samples: Iterable[Sample]) -> NDArray[np.int64]:
+    return np.array([sample.stamp for sample in samples], np.int64)
+
+
+def spared_signals(faults: list[Fault], samples: Iterable[Sample], zero: int) -> list[list[str]]:
+    """For each fault those of its signals that no sample holds within its time."""
+    streams = streams_of(samples)
+    scans = streams.get(RADAR, [])
+    # Without a lead there is nothing that could be measured wrongly.
+    streams[RADAR] = [s for s in scans if isinstance(s, RadarSample) and s.has_target]
+    stamps = {name: _stamps(own) for name, own in streams.items()}
+    every_scan, never = _stamps(scans), _stamps(())
+
+    def is_spared(fault: Fault, signal: str) -> bool:
+        at = stamps.get(RADAR if signal in RADAR_SIGNALS else signal, never)
+        if signal in RADAR_SIGNALS and _silences(fault, signal):
+            at = every_scan
+        return not ((zero + fault.start <= at) & (at < zero + fault.end)).any()
+
+    return [[signal for signal in fault.signals if is_spared(fault, signal)] for fault in faults]
 
 
 def truth_windows(faults: list[Fault], signal: str) -> list[tuple[float, float]]:

@@ -6,7 +6,6 @@ paper's comparison of predictions, here where the controller does drive.
 
 import argparse
 import json
-import os
 from collections.abc import Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
@@ -20,9 +19,8 @@ from rich.console import Console
 from rich.table import Table
 
 from lfd_diagnosis.verdict import Report, State
-from lfd_mpc.errors import UserError
 from lfd_mpc.settings import STEP_S
-from lfd_replay.command_line import CountingProgress, print_table
+from lfd_replay.command_line import CountingProgress, add_jobs_option, print_table
 from lfd_replay.drawing.figure_page import table_html, write_page
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
@@ -361,10 +359,8 @@ def main_closed_loop(arguments: list[str]) -> int:
     parser.add_argument(
         "--full", action="store_true", help="three seeds, both profiles, all normal drives"
     )
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
+    add_jobs_option(parser)
     options = parser.parse_args(arguments)
-    if options.jobs < 1:
-        raise UserError(f"--jobs {options.jobs}: 1 or more is expected")
     make_folder(options.out)
     console = Console(soft_wrap=True)
     leave(run_all(cases(options.full), options.jobs), options.out, console)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lfd_diagnosis.healthy_signal import SECOND_DIFFERENCES
 from lfd_diagnosis.verdict import State
 from lfd_mpc.samples import Sample
 from lfd_mpc.settings import STEP_S
@@ -85,9 +86,13 @@ def normal_scales(traces: list[Trace], names: list[str], settings: GraphSettings
             ):
                 column.append(np.diff(values, 2))
     return NormalScales(
-        # White noise has six times its variance in second differences; the median ignores outliers.
+        # The median ignores outliers.
         tuple(
-            float(np.median(np.abs(np.concatenate(column))) / MEDIAN_OF_NORMAL / np.sqrt(6.0))
+            float(
+                np.median(np.abs(np.concatenate(column)))
+                / MEDIAN_OF_NORMAL
+                / np.sqrt(SECOND_DIFFERENCES)
+            )
             for column in second
         ),
         tuple(np.nanmean(off, axis=0).tolist()),
