@@ -38,7 +38,6 @@ from lfd_replay.evaluation.requirements import plan
 from lfd_replay.evaluation.requirements.judge import Judge
 from lfd_replay.evaluation.requirements.windows import (
     CLEAR_FOR,
-    WATCHED,
     Seen,
     clear_from,
     false_events,
@@ -48,7 +47,7 @@ from lfd_replay.evaluation.statistics import median, rate
 from lfd_replay.evaluation.summary import case_rows, equal_rows, summary, tables
 from lfd_replay.evaluation.trace import JUDGED, Trace, load_trace, record_trace
 from lfd_replay.evaluation.variants import LINEAR, SINGLE, variants
-from lfd_replay.faults import FaultInjector, parse_faults
+from lfd_replay.faults import MEASURED, FaultInjector, parse_faults
 from lfd_replay.generated.generate import generate_drive
 from lfd_replay.generated.sensor_models import SENSORS
 from lfd_replay.journal import Journal, Task, run_tasks, workers
@@ -190,14 +189,14 @@ def within(spans: Spans) -> np.ndarray:
 
 def view_of(flagged: Spans, silent: Spans = (), targets: np.ndarray | None = None) -> Seen:
     """What is said of a clearance, all else being healthy; rebuilt as 0 +- 1."""
-    by_signal = {name: NONE for name in WATCHED}
+    by_signal = {name: NONE for name in MEASURED}
     return Seen(
         TIMES,
         np.zeros(len(TIMES), dtype=np.int64) if targets is None else targets,
         by_signal | {"clearance": within(flagged)},
-        {name: ~NONE for name in WATCHED},
+        {name: ~NONE for name in MEASURED},
         by_signal | {"clearance": within(silent)},
-        *({name: np.zeros(len(TIMES)) for name in WATCHED} for _ in range(3)),
+        *({name: np.zeros(len(TIMES)) for name in MEASURED} for _ in range(3)),
         np.zeros((len(TIMES), 3)),
         np.ones((len(TIMES), 3)),
     )
@@ -260,7 +259,7 @@ def test_a_fault_that_goes_on_after_a_silence_is_no_false_event_and_one_after_it
     # Faulty from 2 s to 4 s, then silent for 2 s; called faulty until 6.5 s and once more at 9 s.
     seen = view_of(((1.0, 1.2), (2.1, 4.0), (6.0, 6.5), (9.0, 9.2)), silent=((4.0, 6.0),))
     faults = parse_faults(["offset:clearance=4@2-4"])
-    assert false_events(seen, faults) == {name: [] for name in WATCHED} | {"clearance": [1.0, 9.0]}
+    assert false_events(seen, faults) == {name: [] for name in MEASURED} | {"clearance": [1.0, 9.0]}
     assert false_events(seen, [])["clearance"] == [1.0, 2.1, 6.0, 9.0]
 
 

@@ -13,7 +13,7 @@ from test_live_equals_offline import drive
 from lfd_replay.drawing.figure_files import write_figure
 from lfd_replay.drawing.figure_page import cases_html, figure_html, table_html, write_page
 from lfd_replay.drawing.figures import POINTS, Band, Figure, stretches, thinned
-from lfd_replay.drawing.panels import INDEXED, Recording, contour_panels
+from lfd_replay.drawing.panels import Recording, contour_panels
 from lfd_replay.drawing.paper_figures import (
     case_figure,
     confusion_figure,
@@ -25,6 +25,7 @@ from lfd_replay.drawing.paper_figures import (
     reconstruction_figure,
 )
 from lfd_replay.evaluation.examples import EXAMPLES, Example, example_panel
+from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import graph_settings
@@ -42,7 +43,7 @@ def record(fault: str) -> Recording:
 
 
 def case(key: str, fault: str) -> Figure:
-    injected = {name: (np.array([0.0, 4.0]), np.zeros(2)) for name in INDEXED}
+    injected = {name: (np.array([0.0, 4.0]), np.zeros(2)) for name in JUDGED}
     return case_figure(key, f"<{key}>", record(fault), injected, SETTINGS.diagnosis)
 
 
@@ -69,7 +70,7 @@ def others() -> list[Figure]:
         row(name, size, signal=signal, injected=[signal], delay_s=None if size == 2.0 else 0.1)
         for name in ("one", "two")
         for size in (1.0, 2.0)
-        for signal in INDEXED
+        for signal in JUDGED
     ]
     names = ("no fault", "relative velocity", "radar and acceleration")
     matrix = {injected: {reported: 3 for reported in names} for injected in names}
@@ -79,7 +80,7 @@ def others() -> list[Figure]:
         reconstruction_figure("reconstruction", "reconstruction", healthy),
         limits_figure("limits", "limits", healthy),
         index_histograms(
-            {name: np.array([0.2, 0.9]) for name in INDEXED}, dict.fromkeys((*INDEXED, "all"), 0.94)
+            {name: np.array([0.2, 0.9]) for name in JUDGED}, dict.fromkeys((*JUDGED, "all"), 0.94)
         ),
         detector_curves(rows, "rate"),
         detector_curves(rows, "delay"),
@@ -196,7 +197,7 @@ def test_the_contour_is_what_the_index_counts(monkeypatch: pytest.MonkeyPatch) -
     recording = record("offset:clearance=4,relative_velocity=-10@2-3")
     monkeypatch.setattr("lfd_replay.drawing.panels.CONTOUR_STEPS", 1)
     drawn = contour_panels(recording, SETTINGS.diagnosis)
-    for panel, signal in zip(drawn, INDEXED[:2], strict=True):
+    for panel, signal in zip(drawn, JUDGED[:2], strict=True):
         index = recording.verdict(signal, "index")
         known = np.isfinite(index)
         assert index[known].max() > 0.5

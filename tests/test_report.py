@@ -10,7 +10,8 @@ import pytest
 from test_live_equals_offline import drive
 
 from lfd_diagnosis.verdict import COVERS, SIGNALS, State
-from lfd_replay.drawing.panels import INDEXED, Recording, sensor_panel, verdict_panel
+from lfd_replay.drawing.panels import Recording, sensor_panel, verdict_panel
+from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import PROFILES, graph_settings
@@ -85,7 +86,7 @@ def test_the_panel_of_verdicts_shows_each_state(fault: str, state: State) -> Non
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-@pytest.mark.parametrize("signal", INDEXED)
+@pytest.mark.parametrize("signal", JUDGED)
 @pytest.mark.parametrize("kind", ["offset:{}=4", "dropout:{}"])
 def test_the_panel_of_a_sensor_shows_what_was_published(
     kind: str, signal: str, profile: str

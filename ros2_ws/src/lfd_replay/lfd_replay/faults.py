@@ -18,8 +18,10 @@ from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
 from lfd_replay.drive import LATEST, streams_of
 
-SIGNALS = ("clearance", "relative_velocity", ACCELERATION, HOST_SPEED)
-RADAR_SIGNALS = SIGNALS[:2]
+MEASURED = ("clearance", "relative_velocity", ACCELERATION, HOST_SPEED)
+"""The signals that sensors measure and faults act on."""
+
+RADAR_SIGNALS = MEASURED[:2]
 
 WITH_VALUE = ("offset", "ramp", "gain", "noise", "delay", "spike")
 WITHOUT_VALUE = ("hold", "zero", "dropout")
@@ -72,10 +74,10 @@ def parse_fault(text: str) -> Fault:
         if signal == RADAR and kind in WITHOUT_VALUE and not equals:
             whole_radar = True
             names: tuple[str, ...] = RADAR_SIGNALS
-        elif signal in SIGNALS:
+        elif signal in MEASURED:
             names = (signal,)
         else:
-            allowed = (*SIGNALS, RADAR) if kind in WITHOUT_VALUE else SIGNALS
+            allowed = (*MEASURED, RADAR) if kind in WITHOUT_VALUE else MEASURED
             raise UserError(
                 f"fault '{text}': unknown signal '{signal}'; {kind} takes: {', '.join(allowed)}"
             )

@@ -22,12 +22,8 @@ from lfd_mpc.mpc_node import RECEIPTS_QOS, RECEIPTS_TOPIC
 from lfd_mpc.node_support import PIPELINE_QOS
 from lfd_mpc.samples import Sample
 from lfd_mpc.sampling import Reading, Sampler, StepInputs
-from lfd_msgs.msg import (
-    FaultReport,
-    ObserverBank,
-    PredictionHorizon,
-    ReconstructedState,
-)
+from lfd_msgs.msg import FaultReport, ObserverBank, PredictionHorizon, ReconstructedState
+from lfd_replay.faults import MEASURED
 
 ANSWERS = {
     "observer/bank": ObserverBank,
@@ -201,7 +197,7 @@ def horizon_difference(expected: StepInputs, horizon: Horizon) -> str:
     """What the controller used other than the samples that it was sent; empty = nothing."""
     if horizon.stamp != expected.stamp:
         return f"the controller answered for {horizon.stamp * 1e-9:.2f} s"
-    for name in ("clearance", "relative_velocity", "acceleration", "host_speed"):
+    for name in MEASURED:
         reading: Reading = getattr(expected, name)
         got = getattr(horizon, f"measured_{name}"), getattr(horizon, f"{name}_age")
         for what, want, have in zip(

@@ -9,7 +9,6 @@ from lfd_diagnosis.verdict import SIGNALS, State
 from lfd_replay.drawing.figure_page import figure_html, table_html, write_page
 from lfd_replay.drawing.figures import Figure
 from lfd_replay.drawing.panels import (
-    INDEXED,
     Recording,
     acceleration_panel,
     confidence_panel,
@@ -17,6 +16,7 @@ from lfd_replay.drawing.panels import (
     sensor_panel,
     verdict_panel,
 )
+from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.faults import Fault
 from lfd_replay.recorded_step import RecordedStep
 from lfd_replay.score import SUMMARY_COLUMNS, summary_rows
@@ -57,7 +57,7 @@ def write_report(
 
 
 def _figure(recording: Recording, profile: str) -> Figure:
-    panels = [sensor_panel(recording, signal) for signal in INDEXED]
+    panels = [sensor_panel(recording, signal) for signal in JUDGED]
     says = "What was measured, and beneath it what it should be by everything but itself"
     if profile == "paper":
         panels.append(acceleration_panel(recording))

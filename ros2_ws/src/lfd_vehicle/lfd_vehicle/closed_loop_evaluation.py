@@ -23,6 +23,7 @@ from lfd_mpc.settings import STEP_S
 from lfd_replay.command_line import CountingProgress, add_jobs_option, print_table
 from lfd_replay.drawing.figure_page import table_html, write_page
 from lfd_replay.errors import run_command
+from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.faults import parse_faults
 from lfd_replay.generated.lead_profiles import NORMAL
 from lfd_replay.journal import workers
@@ -120,7 +121,7 @@ def run_case(case: Case) -> dict[str, Any]:
 def _index_above_zero(reports: Sequence[Report]) -> dict[str, float]:
     """Share of judged steps whose index is not zero."""
     shares = {}
-    for name in ("clearance", "relative_velocity", "acceleration"):
+    for name in JUDGED:
         verdicts = [getattr(report, name) for report in reports]
         judged = [v.index for v in verdicts if v.state in (State.OK, State.SUSPECT, State.FAULT)]
         shares[name] = float(np.mean(np.array(judged) > 0.0)) if judged else 0.0
@@ -251,7 +252,7 @@ def prediction_rows(rows: list[dict[str, Any]]) -> list[tuple[str, ...]]:
         if not own:
             continue
         cells = []
-        for name in ("clearance", "relative_velocity", "acceleration"):
+        for name in JUDGED:
             windows = [found for row in own for found in row["found"][name]]
             false = sum(row["false_events"][name] for row in own)
             if windows:

@@ -15,7 +15,7 @@ from lfd_mpc.driving import Source
 from lfd_mpc.errors import UserError
 from lfd_mpc.settings import STEP_S
 from lfd_replay.drive_bag import open_bag
-from lfd_replay.faults import Fault
+from lfd_replay.faults import MEASURED, Fault
 from lfd_replay.text_file import write_text
 
 STRIDE = 5
@@ -32,8 +32,6 @@ TOPICS = (
     "mpc/horizon",
 )
 """What the page is made of: without a message on each of these there is none."""
-
-VERDICTS = ("clearance", "relative_velocity", "acceleration", "host_speed")
 
 TRUTH = (
     "clearance",
@@ -114,7 +112,7 @@ def _driven_by(driving: list[Any]) -> dict[str, Any]:
 def _measured(horizons: list[Any]) -> dict[str, Any]:
     """What the sensors said."""
     run = {}
-    for name in VERDICTS:
+    for name in MEASURED:
         # What was measured last stays in the message; a silent sensor measures nothing.
         fresh = [nan if getattr(h, f"{name}_stale") else 1.0 for h in horizons]
         measured = [getattr(h, f"measured_{name}") for h in horizons]
@@ -139,7 +137,7 @@ def _decided(time: np.ndarray, decisions: list[Any]) -> dict[str, Any]:
 def _judged(reports: list[Any]) -> dict[str, Any]:
     """What the diagnosis said of each signal."""
     run: dict[str, Any] = {}
-    for name in VERDICTS:
+    for name in MEASURED:
         verdicts = [getattr(m, name) for m in reports]
         run[f"state_{name}"] = [int(v.state) for v in verdicts]
         run[f"reason_{name}"] = _numbered([v.reason for v in verdicts])

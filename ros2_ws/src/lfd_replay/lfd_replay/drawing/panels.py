@@ -29,6 +29,7 @@ from lfd_replay.drawing.figures import (
     Panel,
     Spans,
 )
+from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.faults import Fault, truth_windows
 from lfd_replay.recorded_step import RecordedStep
 from lfd_replay.score import intervals
@@ -36,7 +37,6 @@ from lfd_replay.score import intervals
 Array = NDArray[np.float64]
 
 TIME = "drive time (s)"
-INDEXED = ("clearance", "relative_velocity", "acceleration")
 UNITS = {"clearance": "m", "relative_velocity": "m/s", "acceleration": "m/s²"}
 
 SAID = {
@@ -181,7 +181,7 @@ def acceleration_panel(recording: Recording, observers: int | None = None) -> Pa
 def index_panel(recording: Recording) -> Panel:
     """Fault indices and their thresholds."""
     marks: list = []
-    for signal in INDEXED:
+    for signal in JUDGED:
         index = recording.verdict(signal, "index")
         marks.append(Line(f"{label(signal)}, index", recording.time, index, COLOURS[signal]))
         marks.append(Limit(float(recording.verdict(signal, "threshold")[0]), COLOURS[signal]))
@@ -198,7 +198,7 @@ def confidence_panel(recording: Recording) -> Panel:
             COLOURS[signal],
             legend=False,
         )
-        for signal in INDEXED
+        for signal in JUDGED
     ]
     marks.append(Limit(float(recording.verdict("clearance", "confidence_threshold")[0]), DARK))
     return Panel("confidence (steps)", TIME, "steps", marks, height=0.8)
@@ -263,5 +263,5 @@ def contour_panels(recording: Recording, settings: DiagnosisSettings) -> list[Pa
                 )
             ],
         )
-        for k, signal in enumerate(INDEXED[:2])
+        for k, signal in enumerate(JUDGED[:2])
     ]

@@ -19,7 +19,6 @@ from lfd_replay.drawing.figures import (
     Points,
 )
 from lfd_replay.drawing.panels import (
-    INDEXED,
     TIME,
     UNITS,
     Recording,
@@ -32,6 +31,7 @@ from lfd_replay.drawing.panels import (
     verdict_panel,
 )
 from lfd_replay.evaluation.detectors import is_at_equal
+from lfd_replay.evaluation.trace import JUDGED
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def case_figure(
         "m, m/s, m/s²",
         [
             Line(f"{label(signal)}, injected", *injected[signal], COLOURS[signal])
-            for signal in INDEXED
+            for signal in JUDGED
         ],
         height=0.8,
     )
@@ -184,7 +184,7 @@ def index_histograms(values: dict[str, Array], zero_share: dict[str, float]) -> 
     """Figs 11 and 12: the indices of normal driving that are not zero; `values` by signal."""
     edges = np.linspace(0.0, 1.0, 21)
     panels = []
-    for signal in INDEXED:
+    for signal in JUDGED:
         counts, _ = np.histogram(values[signal], bins=edges)
         share = counts / max(counts.sum(), 1)
         centres = (edges[1:] + edges[:-1]) / 2
@@ -234,7 +234,7 @@ def detector_curves(rows: list[dict], figure: str) -> Figure:
             x_ticks=sorted({row["size"] for row in offsets if row["signal"] == signal}),
             y_range=(-0.05, 1.05) if figure == "rate" else None,
         )
-        for signal in INDEXED
+        for signal in JUDGED
     ]
     return Figure(f"detector-{figure}", title, says, panels, 3)
 

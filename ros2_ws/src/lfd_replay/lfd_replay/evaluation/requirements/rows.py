@@ -24,12 +24,13 @@ from lfd_replay.evaluation.requirements.judge import Judge
 from lfd_replay.evaluation.requirements.plan import Extent
 from lfd_replay.evaluation.requirements.windows import NEAREST, Run
 from lfd_replay.evaluation.trace import JUDGED
+from lfd_replay.faults import MEASURED
 from lfd_replay.generated.lead_profiles import HILLY, NEW_HILLY, NEW_TRAFFIC
 
 VALUES_OF_KIND = {
-    "hold": dict.fromkeys((*JUDGED, "host_speed")),
-    "zero": dict.fromkeys((*JUDGED, "host_speed")),
-    "dropout": dict.fromkeys((*JUDGED, "host_speed")),
+    "hold": dict.fromkeys(MEASURED),
+    "zero": dict.fromkeys(MEASURED),
+    "dropout": dict.fromkeys(MEASURED),
     "ramp": plan.RAMPS,
     "gain": dict.fromkeys(JUDGED, 1.3),
     "noise": {"clearance": 0.56, "relative_velocity": 0.23, "acceleration": 0.8},

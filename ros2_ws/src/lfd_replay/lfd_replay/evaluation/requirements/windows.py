@@ -36,7 +36,7 @@ from lfd_replay.evaluation.recorded_tracks import (
 )
 from lfd_replay.evaluation.recorded_views import VIEWS, seen_by
 from lfd_replay.evaluation.trace import JUDGED
-from lfd_replay.faults import Fault, FaultInjector, parse_faults
+from lfd_replay.faults import MEASURED, Fault, FaultInjector, parse_faults
 from lfd_replay.generated.generate import drive_truth, generate_drive
 from lfd_replay.generated.lead_profiles import IN_TRAFFIC
 from lfd_replay.offline import OfflineGraph
@@ -47,9 +47,6 @@ Array = NDArray[np.float64]
 
 NEAREST = "nearest in path"
 """The recorded drive's nearest target in path: its track ids change with every swap."""
-
-WATCHED = (*JUDGED, "host_speed")
-"""The signals whose verdicts are kept."""
 
 FOLLOWS = 1.0
 """Seconds after a fault in which a flag is still its own."""
@@ -229,7 +226,7 @@ def _healthy(samples: list[Sample], settings: GraphSettings, stamps: NDArray[np.
 
 
 def _collect(times: Array, targets: NDArray[np.int64], outcomes: NDArray[np.void]) -> Seen:
-    states = {name: outcomes[name]["state"] for name in WATCHED}
+    states = {name: outcomes[name]["state"] for name in MEASURED}
     now = outcomes["reconstructed"]
     return Seen(
         times,
@@ -238,7 +235,7 @@ def _collect(times: Array, targets: NDArray[np.int64], outcomes: NDArray[np.void
         {name: state != State.NOT_READY for name, state in states.items()},
         {name: state == State.NO_DATA for name, state in states.items()},
         *(
-            {name: outcomes[name][field].astype(float) for name in WATCHED}
+            {name: outcomes[name][field].astype(float) for name in MEASURED}
             for field in ("kind", "size", "size_std")
         ),
         np.stack([now[name] for name in JUDGED], axis=1),
@@ -284,7 +281,7 @@ def false_events(view: Seen, faults: list[Fault]) -> dict[str, list[float]]:
     """
     times = view.times
     begun = {}
-    for name in WATCHED:
+    for name in MEASURED:
         flags = view.flags[name]
         near = np.zeros(len(times), dtype=bool)
         for fault in faults:
@@ -322,7 +319,7 @@ def made_of(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
     times = view.times
     inside = (times >= start) & (times < end)
     follows = (times >= end) & (times < end + FOLLOWS)
-    drives = ~(healthy[:, WATCHED.index(HOST_SPEED)] < CRAWL)
+    drives = ~(healthy[:, MEASURED.index(HOST_SPEED)] < CRAWL)
     signals = {}
     for name, value in fault.values:
         flags = view.flags[name]
@@ -339,7 +336,7 @@ def made_of(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
             "silent_after": _after(first(times, gone & inside), start),
             "back_after": _after(back, end),
             **_named(view, name, inside, times, end),
-            **_error(error[:, WATCHED.index(name)], times, start, inside, at),
+            **_error(error[:, MEASURED.index(name)], times, start, inside, at),
             "drives": [bool(part[-1]) for part in _tenths(drives, inside)],
         }
     watched = (times >= start) & (times < end + BLAMED_FOR_S)
@@ -349,7 +346,7 @@ def made_of(view: Seen, error: Array, healthy: Array, fault: Fault) -> dict:
         "one_target": _is_one(times[around], view.targets[around], np.isnan(healthy[around, 0])),
         "blamed": [
             name
-            for name in WATCHED
+            for name in MEASURED
             if name not in fault.signals and (view.flags[name] & watched).any()
         ],
         "rebuilt": _rebuilt(view, healthy, fault, inside, times, start),
