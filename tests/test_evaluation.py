@@ -33,9 +33,10 @@ from lfd_replay.evaluation.detectors import (
 from lfd_replay.evaluation.fault_windows import LENGTH, PAUSE, Cell, offset_cells
 from lfd_replay.evaluation.kalman import KalmanGate, LeadModel
 from lfd_replay.evaluation.normal_driving import lead_acceleration, scan_deviations
-from lfd_replay.evaluation.requirements import campaign as requirements
 from lfd_replay.evaluation.requirements import plan
 from lfd_replay.evaluation.requirements.judge import Judge
+from lfd_replay.evaluation.requirements.measure import measure
+from lfd_replay.evaluation.requirements.rows import Row, rows
 from lfd_replay.evaluation.requirements.windows import (
     CLEAR_FOR,
     Seen,
@@ -368,7 +369,7 @@ def test_calibrate_refuses_drives_without_figures_of_driving(
     assert not params.exists()
 
 
-def few_rows(extent: plan.Extent, recorded: bool) -> list[requirements.Row]:
+def few_rows(extent: plan.Extent, recorded: bool) -> list[Row]:
     """Of each way to judge one row, on few drives."""
     chosen = {
         "Table 3: all three": 1,
@@ -382,17 +383,17 @@ def few_rows(extent: plan.Extent, recorded: bool) -> list[requirements.Row]:
     }
     return [
         replace(row, runs=row.runs[: chosen[row.title]])
-        for row in requirements.rows(extent, recorded)
+        for row in rows(extent, recorded)
         if row.title in chosen
     ]
 
 
 def test_a_row_counts_as_the_fault_that_it_injects() -> None:
     """Titles are for people: they tell rows apart, and nothing else hangs on them."""
-    rows = requirements.rows(plan.full_extent(), True)
-    assert len({row.title for row in rows}) == len(rows)
-    assert all(run.profiles == row.runs[0].profiles for row in rows for run in row.runs)
-    counted = [row for row in rows if row.counts_as]
+    every = rows(plan.full_extent(), True)
+    assert len({row.title for row in every}) == len(every)
+    assert all(run.profiles == row.runs[0].profiles for row in every for run in row.runs)
+    counted = [row for row in every if row.counts_as]
     assert {"offset", "hold", "noise"} < {row.counts_as[0] for row in counted}
     for row in counted:
         injected = {
@@ -403,7 +404,7 @@ def test_a_row_counts_as_the_fault_that_it_injects() -> None:
 
 def test_rows_are_checked_on_seeds_of_ones_choice(tmp_path: Path, monkeypatch, capsys) -> None:
     """Other seeds are other drives: the figures say of how many, and are kept by seed."""
-    monkeypatch.setattr(requirements, "rows", few_healthy)
+    monkeypatch.setattr("lfd_replay.check_requirements.rows", few_healthy)
     asked = ["healthy", "--recorded", str(tmp_path), "--out", str(tmp_path), "--jobs", "2"]
     assert run_command(main_check, [*asked, "--seeds", "2,4"]) == 0
     printed = capsys.readouterr()
@@ -430,13 +431,15 @@ def test_rows_that_there_are_not_are_named(tmp_path: Path, capsys, arguments, na
     assert not (tmp_path / "out").exists()
 
 
-def few_healthy(extent: plan.Extent, recorded: bool) -> list[requirements.Row]:
+def few_healthy(extent: plan.Extent, recorded: bool) -> list[Row]:
     runs = tuple(plan.Run("data-1", seed) for seed in extent.healthy_seeds)
-    return [requirements.Row("healthy", runs, lambda judge: judge.no_false_events())]
+    return [Row("healthy", runs, lambda judge: judge.no_false_events())]
 
 
 def test_the_whole_evaluation_in_small(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(campaign, "measure", partial(requirements.measure, made=few_rows))
+    extent = plan.plain_extent()
+    few = partial(measure, only=few_rows(extent, False))
+    monkeypatch.setattr(campaign, "measure", few)
     small = campaign.Size(
         normal=("data-1", "data-2"),
         starts=1,
@@ -444,7 +447,7 @@ def test_the_whole_evaluation_in_small(tmp_path: Path, monkeypatch) -> None:
         offset_drives=("data-2",),
         other_drives=(),
         parts=True,
-        extent=plan.plain_extent(),
+        extent=extent,
     )
     done: list[int] = []
     with workers(2) as pool:

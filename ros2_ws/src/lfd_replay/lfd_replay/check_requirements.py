@@ -6,16 +6,18 @@ true of those is true of any.
 
 import argparse
 from dataclasses import replace
-from typing import Any
+from functools import partial
 
 from rich.table import Table
 
 from lfd_mpc.errors import UserError
 from lfd_replay.command_line import CountingProgress, parse_campaign, print_table
 from lfd_replay.errors import run_command
-from lfd_replay.evaluation.requirements import campaign, plan
+from lfd_replay.evaluation.requirements.measure import measure
+from lfd_replay.evaluation.requirements.plan import full_extent
+from lfd_replay.evaluation.requirements.rows import rows
 from lfd_replay.evaluation.summary import REQUIREMENT_COLUMNS, requirement_rows
-from lfd_replay.journal import Journal, Task, run_tasks, workers
+from lfd_replay.journal import Journal, run_tasks, workers
 from lfd_replay.paper_evaluation import recorded_drive
 
 SEEDS_HELP = (
@@ -43,21 +45,19 @@ def main_check(arguments: list[str]) -> int:
     options = parse_campaign(parser, arguments, "out/requirements")
     seeds = parse_seeds(options.seeds)
     recorded = recorded_drive(options.recorded)
-    extent = replace(plan.full_extent(), seeds=seeds, healthy_seeds=seeds, ablation=False)
-    every = campaign.rows(extent, recorded is not None)
-    rows = [row for row in every if options.title in row.title]
-    if not rows:
+    extent = replace(full_extent(), seeds=seeds, healthy_seeds=seeds, ablation=False)
+    every = rows(extent, recorded is not None)
+    chosen = [row for row in every if options.title in row.title]
+    if not chosen:
         titles = ", ".join(row.title for row in every)
         raise UserError(f"no row's title contains '{options.title}'; there are: {titles}")
     journal = Journal(options.out / "journal.jsonl", recorded)
     with CountingProgress() as progress, workers(options.jobs) as pool:
-        runs = len({run.key for row in rows for run in row.runs})
+        runs = len({run.key for row in chosen for run in row.runs})
         bar = progress.add_task("checking", total=runs)
-
-        def run(tasks: list[Task]) -> dict[str, Any]:
-            return run_tasks(tasks, journal, pool, lambda: progress.advance(bar))
-
-        found = campaign.measure(extent, recorded, run, lambda *_: rows)
+        done = partial(progress.advance, bar)
+        run_all = partial(run_tasks, journal=journal, pool=pool, done=done)
+        found = measure(extent, recorded, run_all, chosen)
     table = Table(*REQUIREMENT_COLUMNS, title=f"What must show, seeds {options.seeds}")
     for cells in requirement_rows(found.findings):
         table.add_row(*cells)

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,7 @@ from lfd_replay.evaluation.fault_windows import (
 )
 from lfd_replay.evaluation.normal_driving import IndexStatistics, index_statistics
 from lfd_replay.evaluation.recorded_tracks import TRACK_COUNT
-from lfd_replay.evaluation.requirements.campaign import Requirements, count_runs, measure
+from lfd_replay.evaluation.requirements.measure import Requirements, count_runs, measure
 from lfd_replay.evaluation.requirements.plan import Extent, full_extent, plain_extent
 from lfd_replay.evaluation.trace import load_trace
 from lfd_replay.evaluation.variants import LINEAR, SINGLE, variants
@@ -137,10 +138,7 @@ def evaluate_paper(
     `done` is called after each task. Raises UserError where nothing can be written to `work`.
     """
     journal = Journal(work / "journal.jsonl", recorded)
-
-    def run(tasks: list[Task]) -> dict[str, Any]:
-        return run_tasks(tasks, journal, pool, done)
-
+    run = partial(run_tasks, journal=journal, pool=pool, done=done)
     campaign = _Campaign(size, settings, recorded, run)
     # The cases first: they are what most people look for.
     cases = campaign.cases()

@@ -157,10 +157,10 @@ def _size_right(made: dict) -> bool:
     return off <= max(0.2 * size, made["size_std"] or 0.0)
 
 
-def judge_found(judge: Judge, least: float, delay: float) -> None:
-    """Every faulty signal found, soon."""
+def judge_found(judge: Judge, delay: float) -> None:
+    """Every faulty signal found, within `delay` (s)."""
     for signal in judge.signals():
-        delays = judge.found(signal, least)
+        delays = judge.found(signal, 0.99)
         judge.middle(f"{signal}, 99 % within", delays, delay, 0.99)
     judge.no_blame(0.98)
     judge.no_false_events()

@@ -18,12 +18,12 @@ from lfd_replay.evaluation.recorded_views import PHONES, VIEWS
 from lfd_replay.evaluation.requirements.windows import NEAREST, Run
 from lfd_replay.generated.lead_profiles import NORMAL, TRAFFIC, lead_profile
 
-COMBINATIONS = {
+TABLE_3 = {
     "clearance and relative velocity": PAPER[:2],
     "acceleration": PAPER[2:],
     "all three": PAPER,
 }
-"""Table 3's faults."""
+"""Table 3's faults by title."""
 
 OFFSETS = {
     "clearance": (2.0, 4.0),
@@ -92,7 +92,7 @@ def spread(
     return runs
 
 
-def table_3(extent: Extent, values: Values, recorded: bool) -> list[Run]:
+def table_3_runs(extent: Extent, values: Values, recorded: bool) -> list[Run]:
     """One of Table 3's faults on its drives, starts spread over the scan phase."""
     first = {"data-1": 40.0, "data-2": 40.0, "data-3": 40.0}
     if recorded:

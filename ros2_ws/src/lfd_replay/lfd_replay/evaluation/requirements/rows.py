@@ -94,9 +94,9 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
 
 def _table_3(extent: Extent, recorded: bool) -> Iterator[Row]:
     """Table 3's faults, on its drives and the recorded one."""
-    for name, values in plan.COMBINATIONS.items():
+    for name, values in plan.TABLE_3.items():
         title = f"Table 3: {name}"
-        runs = plan.table_3(extent, values, recorded)
+        runs = plan.table_3_runs(extent, values, recorded)
         yield Row(title, runs, judges.judge_table_3)
         generated = [run for run in runs if run.drive != RECORDED]
         yield Row(f"{title}, rebuilt", generated, REBUILT)
@@ -125,7 +125,7 @@ def _offsets(extent: Extent) -> Iterator[Row]:
 
 def _real_leads(extent: Extent) -> Iterator[Row]:
     """Faults along the recorded drive and the longest tracks of its radar."""
-    for name, values in plan.COMBINATIONS.items():
+    for name, values in plan.TABLE_3.items():
         runs = plan.real(extent, "offset", values, signed=False)
         yield Row(f"real leads: {name}", runs, judges.judge_long)
         yield Row(f"real leads: {name}, rebuilt", plan.as_driven(runs), REBUILT_RECORDED)
@@ -157,7 +157,7 @@ def _recorded_sensors(extent: Extent) -> Iterator[Row]:
     title = "recorded sensors on generated leads"
     yield Row(f"{title}: healthy", plan.recorded_sensors_healthy(extent), judges.judge_healthy)
     yield from _recorded_sensors_in_traffic(extent)
-    for name, values in plan.COMBINATIONS.items():
+    for name, values in plan.TABLE_3.items():
         runs = plan.recorded_sensors(extent, values, signed=False)
         yield Row(f"{title}: {name}", runs, judges.judge_long)
         yield Row(f"{title}: {name}, rebuilt", runs, REBUILT)
@@ -210,7 +210,7 @@ def _other_faults(extent: Extent) -> Iterator[Row]:
     yield Row("the whole radar held", frozen, judges.judge_held_radar)
     title = "without host speed: acceleration +-4"
     blind = plan.spread("offset", PAPER[2:], extent.few, extent.seeds, host_speed=False)
-    yield Row(title, blind, partial(judges.judge_found, least=0.99, delay=0.2))
+    yield Row(title, blind, partial(judges.judge_found, delay=0.2))
     yield Row(f"{title}, rebuilt", blind, partial(REBUILT, host_speed=False))
     for kind, by_signal in VALUES_OF_KIND.items():
         judge = judges.judge_other
@@ -241,7 +241,7 @@ def _coarser_sensors(extent: Extent) -> Iterator[Row]:
         runs = plan.other_sensors_healthy(extent, sensor)
         yield Row(f"{title}: healthy", runs, judges.judge_healthy)
         faults = partial(plan.faults_of_other_sensors, extent, sensor)
-        judge = partial(judges.judge_found, least=0.99, delay=0.3)
+        judge = partial(judges.judge_found, delay=0.3)
         yield from _combinations(title, faults, judge)
 
 
@@ -255,7 +255,7 @@ def _recorded_radar() -> Iterator[Row]:
     yield Row("nearest in other lanes", lanes, partial(judges.judge_healthy, ready=0.5))
     title = "nearest in path"
     yield Row(title, [Run(NEAREST, 0)], partial(judges.judge_healthy, ready=0.8))
-    judge = partial(judges.judge_found, least=0.99, delay=0.2)
+    judge = partial(judges.judge_found, delay=0.2)
     yield from _combinations(title, plan.nearest, judge)
 
 
@@ -270,7 +270,7 @@ def _combinations(
     title: str, runs_of: Callable[[Values], list[Run]], judge: Callable[[Judge], None]
 ) -> Iterator[Row]:
     """Each of Table 3's faults."""
-    for name, values in plan.COMBINATIONS.items():
+    for name, values in plan.TABLE_3.items():
         yield Row(f"{title}: {name}", runs_of(values), judge)
 
 

@@ -36,11 +36,11 @@ def measure(
     extent: Extent,
     recorded: Path | None,
     run_all: RunAll,
-    made: Callable[[Extent, bool], list[Row]] | None = None,
+    only: list[Row] | None = None,
 ) -> Requirements:
-    """Run and judge everything; `made`: other rows than all of them, and no more than those."""
-    table = (made or rows)(extent, recorded is not None)
-    v2v = [] if made else v2v_rows(extent)
+    """Run and judge everything, or `only` some rows."""
+    table = rows(extent, recorded is not None) if only is None else only
+    v2v = v2v_rows(extent) if only is None else []
     ablated = ablation_runs(extent, recorded is not None)
     everything = [run for row in (*table, *v2v) for run in row.runs]
     everything += [run for runs in ablated.values() for run in runs]
