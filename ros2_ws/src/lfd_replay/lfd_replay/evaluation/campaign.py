@@ -18,6 +18,7 @@ from lfd_replay.evaluation.cases import (
     table_3,
 )
 from lfd_replay.evaluation.comparison import (
+    Comparison,
     NormalScales,
     choose_settings,
     compare_on,
@@ -154,8 +155,8 @@ def evaluate_paper(
     scales = normal_scales(traces[PUBLISHED], list(size.normal), settings)
     normal = {variant: index_statistics(own) for variant, own in traces.items()}
     chosen = campaign.choose(scales, files, round(hours * FALSE_EVENTS_PER_HOUR))
-    plain_choice = _by_detector(chosen)
-    compared = campaign.compare(scales, plain_choice)
+    alike = Comparison(settings, scales, _by_detector(chosen))
+    compared = campaign.compare(alike)
     return Evaluation(
         settings,
         size,
@@ -164,13 +165,9 @@ def evaluate_paper(
         chosen,
         [row for cell, own in compared if cell is not None for row in detector_rows(cell, own)],
         _confusion(compared),
-        campaign.on_tracks(scales, plain_choice),
+        campaign.on_tracks(alike),
         measure(size.extent, recorded, run),
     )
-
-
-PlainChoice = dict[str, dict[str, dict[str, float]]]
-"""By detector, under which name it is set to what for each signal."""
 
 
 class _Campaign:
@@ -245,17 +242,15 @@ class _Campaign:
                     chosen[at_equal(name, events)] = choice
         return chosen
 
-    def compare(
-        self, scales: NormalScales, chosen: PlainChoice
-    ) -> list[tuple[Cell | None, list[dict]]]:
+    def compare(self, alike: Comparison) -> list[tuple[Cell | None, list[dict]]]:
         """What the detectors make of each cell, drive by drive; None: nothing is injected."""
-        size, judged = self._size, self._judged(scales, chosen)
+        size, judged = self._size, self._judged(alike)
         cells: list[Cell | None] = [None, *size.cells]
         results = self._in_order(
             Task(
                 f"cell/{cell.key if cell else 'nothing'}/{name}/{parts}/{judged}",
                 compare_on,
-                (cell, name, 1, self._settings, scales, chosen, parts),
+                (cell, name, alike, parts),
             )
             for cell in cells
             for parts in [size.with_variants(cell)]
@@ -263,17 +258,17 @@ class _Campaign:
         )
         return [(cell, [next(results) for _ in size.drives_of(cell)]) for cell in cells]
 
-    def on_tracks(self, scales: NormalScales, chosen: PlainChoice) -> dict[str, Counter[str]]:
+    def on_tracks(self, alike: Comparison) -> dict[str, Counter[str]]:
         """False events on the recorded radar's tracks, by detector and signal."""
         counted: dict[str, Counter[str]] = {}
         if self._recorded is None:
             return counted
-        judged = self._judged(scales, chosen)
+        judged = self._judged(alike)
         for found in self._in_order(
             Task(
                 f"track/{number}/{judged}",
                 false_on_track,
-                (number, self._recorded, self._settings, scales, chosen),
+                (number, self._recorded, alike),
             )
             for number in range(TRACK_COUNT)
         ):
@@ -281,22 +276,24 @@ class _Campaign:
                 counted.setdefault(label, Counter()).update(events)
         return counted
 
-    def _judged(self, scales: NormalScales, chosen: PlainChoice) -> str:
+    def _judged(self, alike: Comparison) -> str:
         """Stands for all that a comparison depends on."""
-        return _digest(chosen, scales.__dict__) + self.tag
+        return _digest(alike.chosen, alike.scales.__dict__) + self.tag
 
     def _in_order(self, tasks: Iterable[Task]) -> Iterator[Any]:
         """The results of tasks, one after the other."""
         return iter(self._run(list(tasks)).values())
 
 
-def _by_detector(chosen: dict[str, dict[str, Choice]]) -> PlainChoice:
+def _by_detector(
+    chosen: dict[str, dict[str, Choice]],
+) -> dict[str, dict[str, dict[str, float]]]:
     """The settings alone of what was chosen; a name begins with its detector's."""
-    plain_choice: PlainChoice = {}
+    alone: dict[str, dict[str, dict[str, float]]] = {}
     for label, by_signal in chosen.items():
         values = {signal: choice.setting for signal, choice in by_signal.items()}
-        plain_choice.setdefault(label.partition(", ")[0], {})[label] = values
-    return plain_choice
+        alone.setdefault(label.partition(", ")[0], {})[label] = values
+    return alone
 
 
 def _confusion(

@@ -147,83 +147,82 @@ def choose_settings(
     }
 
 
-def compare_on(
-    cell: Cell | None,
-    name: str,
-    seed: int,
-    settings: GraphSettings,
-    scales: NormalScales,
-    chosen: dict[str, dict[str, dict[str, float]]],
-    with_variants: bool,
-) -> dict:
+WINDOWS_SEED = 1
+"""Of the drives and windows: detectors are set on the normal drives of seed 0."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All that are compared, on the graph's settings and with what they know of normal driving.
+
+    `chosen`: by detector, under which name it is set to what for each signal.
+    """
+
+    settings: GraphSettings
+    scales: NormalScales
+    chosen: dict[str, dict[str, dict[str, float]]]
+
+    def flags(
+        self, samples: Sequence[Sample], zero: int, cell: Cell | None, with_variants: bool
+    ) -> dict[str, tuple[Trace, dict[str, NDArray[np.bool_]]]]:
+        """By detector and setting: its trace, and when it flags each signal (n,).
+
+        `samples` hold the faults of `cell`, if there is one; `zero` is their time zero in ns.
+        """
+        compared = detectors(self.settings, self.scales, with_variants)
+        needed = {detector.variant for detector in compared}
+        chosen_variants = {k: v for k, v in variants(self.settings).items() if k in needed}
+        robust = chosen_variants[ROBUST] = graph_settings("robust")
+        # The noise of the radar is told to the Kalman filter, too.
+        noise = dict(
+            zip(("clearance_std", "relative_velocity_std"), self.scales.scan_noise, strict=True)
+        )
+        chosen_variants[ROBUST_SET] = GraphSettings(
+            robust.mpc, robust.bank, robust.diagnosis.model_copy(update={**SMOOTH_RADAR, **noise})
+        )
+        traces = trace_variants(chosen_variants, samples, zero)
+        seen = {}
+        for detector in compared:
+            trace = traces[detector.variant]
+            scores = detector.scores(trace)
+            for label, by_signal in self.chosen[detector.name].items():
+                flags = {s: detector.flags(s, scores[s], by_signal[s]) for s in JUDGED}
+                seen[label] = trace, flags
+        # A sensor that says nothing is reported as such; everything else is reported as a fault.
+        said = [State.FAULT, *([State.NO_DATA] if cell and cell.kind == "dropout" else [])]
+        labels = {PUBLISHED: AS_PUBLISHED, ROBUST: ROBUST, ROBUST_SET: ROBUST_SET}
+        for variant, label in labels.items():
+            trace = traces[variant]
+            seen[label] = trace, {s: np.isin(trace.state(s), said) for s in JUDGED}
+        return seen
+
+
+def compare_on(cell: Cell | None, name: str, compared: Comparison, with_variants: bool) -> dict:
     """Faults of one cell on one normal drive: what every detector makes of each window.
 
-    Without a cell nothing is injected, and windows are looked at all the same. `chosen`: by
-    detector, under which name it is set to what for each signal.
+    Without a cell nothing is injected, and windows are looked at all the same.
     """
-    drive = load_drive(name, None, seed)
-    faults = [] if cell is None else cell.faults(name, seed, drive.duration)
+    drive = load_drive(name, None, WINDOWS_SEED)
+    faults = [] if cell is None else cell.faults(name, WINDOWS_SEED, drive.duration)
     if cell is None:
         starts = np.arange(WARM_UP, drive.duration - LENGTH, LENGTH).tolist()
     else:
         starts = [fault.start * 1e-9 for fault in faults]
-    samples = FaultInjector(faults, drive.zero, seed).apply(drive.samples)
-    seen = _flags_of_all(samples, drive.zero, cell, settings, scales, chosen, with_variants)
+    samples = FaultInjector(faults, drive.zero, WINDOWS_SEED).apply(drive.samples)
+    seen = compared.flags(samples, drive.zero, cell, with_variants)
     return {
         label: _judge(trace, flags, cell, faults, starts) for label, (trace, flags) in seen.items()
     }
 
 
-def false_on_track(
-    number: int,
-    recorded: Path,
-    settings: GraphSettings,
-    scales: NormalScales,
-    chosen: dict[str, dict[str, dict[str, float]]],
-) -> dict[str, dict[str, int]]:
+def false_on_track(number: int, recorded: Path, compared: Comparison) -> dict[str, dict[str, int]]:
     """False events of every detector by signal on one track of the recorded radar."""
     drive = track_drive(recorded, number)
-    seen = _flags_of_all(drive.samples, drive.zero, None, settings, scales, chosen, False)
+    seen = compared.flags(drive.samples, drive.zero, None, False)
     return {
         label: {s: len(intervals(trace.stamps, flags[s])) for s in JUDGED}
         for label, (trace, flags) in seen.items()
     }
-
-
-def _flags_of_all(
-    samples: Sequence[Sample],
-    zero: int,
-    cell: Cell | None,
-    settings: GraphSettings,
-    scales: NormalScales,
-    chosen: dict[str, dict[str, dict[str, float]]],
-    with_variants: bool,
-) -> dict[str, tuple[Trace, dict[str, NDArray[np.bool_]]]]:
-    """By detector and setting: its trace, and when it flags each signal."""
-    compared = detectors(settings, scales, with_variants)
-    needed = {detector.variant for detector in compared}
-    chosen_variants = {k: v for k, v in variants(settings).items() if k in needed}
-    robust = chosen_variants[ROBUST] = graph_settings("robust")
-    # The noise of the radar is told to the Kalman filter, too.
-    noise = dict(zip(("clearance_std", "relative_velocity_std"), scales.scan_noise, strict=True))
-    chosen_variants[ROBUST_SET] = GraphSettings(
-        robust.mpc, robust.bank, robust.diagnosis.model_copy(update={**SMOOTH_RADAR, **noise})
-    )
-    traces = trace_variants(chosen_variants, samples, zero)
-    seen = {}
-    for detector in compared:
-        trace = traces[detector.variant]
-        scores = detector.scores(trace)
-        for label, by_signal in chosen[detector.name].items():
-            flags = {s: detector.flags(s, scores[s], by_signal[s]) for s in JUDGED}
-            seen[label] = trace, flags
-    # A sensor that says nothing is reported as such; everything else is reported as a fault.
-    said = [State.FAULT, *([State.NO_DATA] if cell and cell.kind == "dropout" else [])]
-    labels = {PUBLISHED: AS_PUBLISHED, ROBUST: ROBUST, ROBUST_SET: ROBUST_SET}
-    for variant, label in labels.items():
-        trace = traces[variant]
-        seen[label] = trace, {s: np.isin(trace.state(s), said) for s in JUDGED}
-    return seen
 
 
 def _judge(
