@@ -151,7 +151,8 @@ def test_faults_of_a_cell_stand_apart_spread_over_the_scan_and_change_sign() -> 
 def test_the_full_run_has_the_sizes_that_were_asked_for() -> None:
     sizes = {}
     for cell in offset_cells(full=True):
-        sizes.setdefault(cell.injected[0], []).append(cell.size)
+        ((signal, size),) = cell.values
+        sizes.setdefault(signal, []).append(size)
     assert sizes["clearance"][0] == sizes["acceleration"][0] == 0.25
     assert sizes["clearance"][-1] == sizes["acceleration"][-1] == 4.0
     assert (sizes["relative_velocity"][0], sizes["relative_velocity"][-1]) == (0.25, 10.0)
@@ -455,7 +456,7 @@ def test_the_whole_evaluation_in_small(tmp_path: Path, monkeypatch) -> None:
             small, SETTINGS, None, tmp_path, pool, lambda: done.append(1)
         )
         assert 0 < len(done) <= small.tasks
-        result = json.loads(json.dumps(summary(found, "paper", False, 1.0), allow_nan=False))
+        result = json.loads(json.dumps(summary(found, False, 1.0), allow_nan=False))
         # A second run takes everything from the first one.
         size = tmp_path.joinpath("journal.jsonl").stat().st_size
         again = campaign.evaluate_paper(small, SETTINGS, None, tmp_path, pool, lambda: None)

@@ -115,9 +115,9 @@ def open_bag(path: Path) -> Iterator[AnyReader]:
 
 def read_bag_streams(
     path: Path,
-    topics: Topics | None = None,
-    mounting: Mounting | None = None,
-    host: HostSignals | None = None,
+    topics: Topics,
+    mounting: Mounting,
+    host: HostSignals | None,
     lacking: bool = False,
 ) -> tuple[dict[str, list[Sample]], list[str]]:
     """The streams of a bag, each in the order of its recording, and what is to be said of it.
@@ -128,7 +128,7 @@ def read_bag_streams(
     converter = MessageConverter(mounting, host)
     streams: dict[str, list[Sample]] = {name: [] for name in TOPICS}
     with open_bag(path) as reader:
-        wanted = vars(topics or Topics())
+        wanted = vars(topics)
         on_can = () if host is None else host.inputs
         chosen = []
         for name in TOPICS:

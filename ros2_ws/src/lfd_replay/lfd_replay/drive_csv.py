@@ -238,7 +238,7 @@ def _scan(stamp: int, clearance: float | None, velocity: float | None, track: in
 
 
 def read_csv_streams(
-    path: Path, mapping: dict[str, str], replaced: frozenset[str] = frozenset()
+    path: Path, mapping: dict[str, str], replaced: frozenset[str]
 ) -> tuple[dict[str, list[Sample]], list[str]]:
     """The streams of a drive in one file, and what is to be said of it.
 

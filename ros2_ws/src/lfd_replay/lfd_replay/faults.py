@@ -42,7 +42,7 @@ class Fault:
     start: int
     end: int
     text: str
-    whole_radar: bool = False
+    whole_radar: bool
 
     @property
     def signals(self) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from lfd_mpc.samples import (
 )
 from lfd_mpc.sampling import AHEAD_NS
 from lfd_replay.drive_bag import open_bag
-from lfd_replay.read_drive import BAG_SUFFIXES
+from lfd_replay.read_drive import is_bag
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ class Topic:
 
 def bag_topics(path: Path) -> list[Topic]:
     """All topics of a bag; none for another kind of recording. Raises UserError."""
-    if path.suffix.lower() not in BAG_SUFFIXES and not (path / "metadata.yaml").is_file():
+    if not is_bag(path):
         return []
     with open_bag(path) as reader:
         return sorted(

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, ProcessPoolExecutor, wait
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +25,14 @@ class Task:
 
     key: str
     function: Callable[..., Any]
-    arguments: tuple = field(default=())
+    arguments: tuple
 
 
 RunAll = Callable[[list[Task]], dict[str, Any]]
 """Runs tasks; gives their results by key, in the order of the tasks."""
 
 
-def fingerprint(recorded: Path | None = None) -> str:
+def fingerprint(recorded: Path | None) -> str:
     """A checksum of the code, and of the folder of recorded drives, that results come from."""
     digest = hashlib.sha256()
     for file in sorted(recorded.glob("*.csv")) if recorded else ():

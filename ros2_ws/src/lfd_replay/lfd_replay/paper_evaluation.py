@@ -47,7 +47,7 @@ def main_paper_evaluation(arguments: list[str]) -> int:
             found, recorded, options.out, pool, lambda: progress.advance(bar)
         )
     elapsed = time.perf_counter() - started
-    result = summary.summary(found, "paper", options.full, elapsed)
+    result = summary.summary(found, options.full, elapsed)
     write_text(options.out / "summary.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
     for title, columns_of, rows in summary.tables(found):
         if not rows:

@@ -135,6 +135,11 @@ def _numbers(option: str, text: str, count: int) -> list[float]:
     return values
 
 
+def is_bag(path: Path) -> bool:
+    """Whether a path looks like a bag: a file of such a kind, or a folder."""
+    return path.suffix.lower() in BAG_SUFFIXES or (path / "metadata.yaml").is_file()
+
+
 def is_drive(path: Path) -> bool:
     """Whether a path looks like one drive: a file of a known kind, a bag folder or a segment."""
     if path.is_dir():
@@ -146,7 +151,7 @@ def _kind(path: Path) -> str:
     """What a path holds: one of `KINDS`. Raises UserError for anything else."""
     if not path.exists():
         raise UserError(f"{path}: no such file{_neighbours(path)}")
-    if path.suffix.lower() in BAG_SUFFIXES or (path / "metadata.yaml").is_file():
+    if is_bag(path):
         return BAG
     if path.is_dir() and is_segment(path):
         return SEGMENT

@@ -35,7 +35,7 @@ class Sensing:
         self, suite: SensorSuite, duration: float, bumps: tuple[float, ...], seed: int, name: str
     ) -> None:
         """For `duration` s at most; the same noise for the same seed and name."""
-        self._suite, self._bumps = suite, bumps
+        self._bumps = bumps
         plan = suite.plan(duration, len(bumps), seed, name)
         self._plans = (
             (plan.radar, suite.radar.scans),

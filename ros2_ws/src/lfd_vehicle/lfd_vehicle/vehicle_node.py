@@ -31,7 +31,7 @@ from lfd_mpc.settings import STEP_S, MpcSettings
 from lfd_msgs.msg import Decision, DrivingState, VehicleTruth
 from lfd_replay.faults import parse_faults
 from lfd_replay.lockstep import ANSWERS, Lockstep, LockstepError
-from lfd_replay.player import HEARTBEAT
+from lfd_replay.player import GRAPH_NODES, HEARTBEAT
 from lfd_replay.sample_publishers import SamplePublishers
 from lfd_vehicle.lead import lead_motion
 from lfd_vehicle.markers import markers
@@ -46,7 +46,7 @@ LOOP_ANSWERS = {
 }
 """What lockstep waits for in the closed loop."""
 
-LOOP_NODES = ("mpc_node", "observer_node", "diagnosis_node", "decision_node")
+LOOP_NODES = (*GRAPH_NODES, "decision_node")
 
 LOCKSTEP_PERIOD = 0.1
 """Seconds between looks for overdue answers in lockstep, where answers themselves go on."""

@@ -1,5 +1,7 @@
 """The paper's figures from data: what each one shows, and the line that says so."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,7 +50,7 @@ def case_figure(
     `injected`: for each signal, times in s and what the fault added there.
     """
     faults = Panel(
-        "(a) injected fault signals",
+        "injected fault signals",
         TIME,
         "m, m/s, m/s²",
         [
@@ -57,24 +59,25 @@ def case_figure(
         ],
         height=0.8,
     )
-    panels = [
-        faults,
-        _lettered("b", output_error_panel(recording)),
-        *(_lettered("c", panel) for panel in contour_panels(recording, settings)),
-        _lettered("d", acceleration_panel(recording)),
-        _lettered("e", index_panel(recording)),
-        _lettered("f", verdict_panel(recording)),
+    panels = {
+        "a": [faults],
+        "b": [output_error_panel(recording)],
+        "c": contour_panels(recording, settings),
+        "d": [acceleration_panel(recording)],
+        "e": [index_panel(recording)],
+        "f": [verdict_panel(recording)],
+    }
+    lettered = [
+        replace(panel, title=f"({letter}) {panel.title}")
+        for letter, own in panels.items()
+        for panel in own
     ]
     says = (
         "From top to bottom: what was added to the signals; how far the observers are off; which "
         "of the 20 stored predictions exclude the measurement; the host's acceleration between "
         "the limits of all observers; the indices with their thresholds (dashed); and the verdict."
     )
-    return Figure(key, title, says, panels)
-
-
-def _lettered(letter: str, panel: Panel) -> Panel:
-    return Panel(**{**vars(panel), "title": f"({letter}) {panel.title}"})
+    return Figure(key, title, says, lettered)
 
 
 def eigenvalue_figure(settings: MpcSettings) -> Figure:
@@ -174,8 +177,8 @@ def limits_figure(key: str, title: str, recording: Recording) -> Figure:
         title,
         says,
         [
-            Panel(**{**vars(single), "title": "(a) single observer"}),
-            Panel(**{**vars(several), "title": "(b) all observers"}),
+            replace(single, title="(a) single observer"),
+            replace(several, title="(b) all observers"),
         ],
     )
 

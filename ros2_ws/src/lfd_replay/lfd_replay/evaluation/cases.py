@@ -17,7 +17,7 @@ from lfd_replay.import_drive import join_drive
 from lfd_replay.offline import GraphStep, OfflineGraph
 from lfd_replay.profiles import GraphSettings
 from lfd_replay.read_drive import ReadOptions
-from lfd_replay.score import row_timeline, score, timeline
+from lfd_replay.score import row_timeline, score
 
 Array = NDArray[np.float64]
 
@@ -115,12 +115,10 @@ def _with_faults(
 
 def run_case(
     case: Case, phase: float, settings: GraphSettings, recorded: Path | None
-) -> tuple[Drive, list[GraphStep], dict]:
-    """The drive, every step and the contract's figures of one case."""
+) -> tuple[Drive, list[Fault], list[GraphStep]]:
+    """The drive of one case, its faults, and every step."""
     drive, faults, samples = _with_faults(case, phase, recorded)
-    steps = list(OfflineGraph(settings).run(samples))
-    sensors = score(timeline((step.outcome.report for step in steps), drive.zero), faults)
-    return drive, steps, sensors
+    return drive, faults, list(OfflineGraph(settings).run(samples))
 
 
 def added(drive: Drive, case: Case, phase: float) -> dict[str, tuple[Array, Array]]:

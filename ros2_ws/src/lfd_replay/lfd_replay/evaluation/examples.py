@@ -1,6 +1,6 @@
 """What the robust profile makes of some things that happen, faults and others, as one figure."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from lfd_replay.drawing.figures import Figure, Panel
 from lfd_replay.drawing.panels import Recording, sensor_panel
@@ -97,4 +97,4 @@ def example_panel(example: Example) -> Panel:
         if (step.horizon.stamp - drive.zero) * 1e-9 >= example.start
     ]
     panel = sensor_panel(Recording(steps, drive.zero, faults), example.signal)
-    return Panel(**{**vars(panel), "title": example.title, "height": 0.7})
+    return replace(panel, title=example.title, height=0.7)

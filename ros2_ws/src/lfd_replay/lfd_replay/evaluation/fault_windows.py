@@ -58,11 +58,6 @@ class Cell:
         return tuple(signal for signal, _ in self.values)
 
     @property
-    def size(self) -> float | None:
-        """The value of a fault of one signal."""
-        return self.values[0][1] if len(self.values) == 1 else None
-
-    @property
     def key(self) -> str:
         """A name of its own."""
         return f"{self.kind}:" + ",".join(

@@ -24,7 +24,6 @@ from lfd_replay.evaluation.campaign import Evaluation
 from lfd_replay.evaluation.cases import RECORDED, Case, added, combination_title, run_case
 from lfd_replay.evaluation.detectors import PUBLISHED
 from lfd_replay.evaluation.examples import examples_figure
-from lfd_replay.faults import parse_faults
 from lfd_replay.profiles import GraphSettings
 from lfd_replay.recorded_step import RecordedStep
 
@@ -45,13 +44,8 @@ def figures_of_case(
 
     Each is left in `folder` as a file.
     """
-    drive, steps, _ = run_case(case, 0.0, settings, recorded)
-    faults = parse_faults(case.fault_texts(0.0))
-    recording = Recording(
-        [RecordedStep.offline(step) for step in steps],
-        drive.zero,
-        faults,
-    )
+    drive, faults, steps = run_case(case, 0.0, settings, recorded)
+    recording = Recording([RecordedStep.offline(step) for step in steps], drive.zero, faults)
     figures = [
         case_figure(
             case.key,

@@ -23,17 +23,17 @@ PAPER_TABLE_1 = {
 """Mean and standard deviation of the non-zero indices as printed in the paper."""
 
 
-def summary(evaluation: Evaluation, profile: str, complete: bool, elapsed: float) -> dict:
-    """Everything as plain data."""
+def summary(evaluation: Evaluation, complete: bool, elapsed: float) -> dict:
+    """Everything as plain data; `elapsed` in s."""
     return {
-        "profile": profile,
+        "profile": "paper",
         "full": complete,
         "elapsed_s": round(elapsed, 1),
         "cases": [
             {
                 "drive": case.drive,
                 "faults": case.fault_texts(0.0),
-                "profile": profile,
+                "profile": "paper",
                 "sensors": sensors,
                 "over_starts": over_starts,
             }
@@ -146,7 +146,7 @@ def detector_table_rows(evaluation: Evaluation) -> Rows:
     for row in evaluation.rows:
         if len(row["injected"]) > 1 or is_at_equal(row["name"]):
             continue
-        delay = row["delay_s"]
+        low, high = row["delay_low_s"], row["delay_high_s"]
         rows.append(
             (
                 f"{row['kind']} {row['signal']}",
@@ -155,10 +155,8 @@ def detector_table_rows(evaluation: Evaluation) -> Rows:
                 str(row["windows"]),
                 f"{row['detected']:.1%}",
                 f"{row['detected_low']:.0%}-{row['detected_high']:.0%}",
-                "-" if delay is None else f"{delay * 1000:.0f} ms",
-                ""
-                if delay is None
-                else f"{row['delay_low_s'] * 1000:.0f}-{row['delay_high_s'] * 1000:.0f}",
+                _milliseconds(row["delay_s"]),
+                "" if low is None else f"{low * 1000:.0f}-{high * 1000:.0f}",
             )
         )
     return rows

@@ -104,7 +104,7 @@ def _host_signals(host: HostSignals) -> dict[int, list[_Signal]]:
 class CanDrive:
     """Frames in, samples out: the radar's lead and the host's signals."""
 
-    def __init__(self, host: HostSignals | None = None, motion: HostMotion | None = None) -> None:
+    def __init__(self, host: HostSignals | None, motion: HostMotion | None = None) -> None:
         """`motion` is shared with whoever hears of the host elsewhere than on CAN.
 
         Raises UserError for a DBC file or signal that is not there.
@@ -171,9 +171,7 @@ def read_can_streams(
     return streams, [f"{count} {what}" for what, count in drive.counts.items() if count]
 
 
-def read_frames(
-    path: Path, counts: Counter[str], at: Callable[[int], None] = lambda _: None
-) -> Iterator[Frame]:
+def read_frames(path: Path, counts: Counter[str], at: Callable[[int], None]) -> Iterator[Frame]:
     """The data frames of a log, in its order; damaged lines are counted.
 
     `at` is told the position in the file now and then. Raises UserError for an unreadable file.
