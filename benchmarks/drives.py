@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lfd_mpc.samples import RADAR
+from lfd_mpc.samples import RadarSample
 from lfd_replay.drive import Drive, make_drive
+from lfd_replay.drive_csv import COLUMNS
 from lfd_replay.generated.car_following import Driver, simulate
 from lfd_replay.generated.lead_profiles import Profile
 from lfd_replay.generated.sensor_models import SENSORS
@@ -25,14 +26,13 @@ def long_drive(seconds: float) -> Drive:
 
 def write_csv(drive: Drive, file: Path) -> None:
     """The drive as a CSV file: one row per scan, the newest value of every other signal with it."""
-    names = ("t_s", "range_m", "range_rate_mps", "host_speed_mps", "host_accel_mps2")
     newest: dict[str, float] = {}
     zero = drive.zero
     with file.open("w", newline="") as out:
         writer = csv.writer(out)
-        writer.writerow(names)
+        writer.writerow(COLUMNS)
         for sample in drive.samples:
-            if sample.input != RADAR:
+            if not isinstance(sample, RadarSample):
                 newest[sample.input] = sample.value
             elif len(newest) == 2:
                 time = f"{(sample.stamp - zero) * 1e-9:.6f}"

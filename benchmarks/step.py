@@ -3,11 +3,13 @@
 import gc
 import time
 import tracemalloc
+from collections.abc import Sequence
 
 import numpy as np
 from drives import long_drive
 from measure import Figure, against, middle
 
+from lfd_mpc.samples import Sample
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import PROFILES, graph_settings
 
@@ -23,7 +25,7 @@ def _bare(rounds: int) -> float:
     return middle(seconds)
 
 
-def _steps(graph: OfflineGraph, samples) -> list[float]:
+def _steps(graph: OfflineGraph, samples: Sequence[Sample]) -> list[float]:
     """Seconds of each step: of its samples, controller, bank and diagnosis."""
     seconds, spent = [], 0.0
     for sample in samples:

@@ -6,6 +6,7 @@ Without it the first start of a node after installation or a change of the sourc
 import argparse
 import shutil
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -48,7 +49,7 @@ def compile_all() -> None:
         (folder / COMPLETE).touch()
 
 
-def _samples() -> list[Sample]:
+def _samples() -> Sequence[Sample]:
     return generate_drive("data-1", 0, "esr").samples[:SAMPLES]
 
 
@@ -67,7 +68,7 @@ def _outside_a_profile() -> None:
     Vehicle(VehicleSettings(), 0.0, 20.0).step(0.0)
 
 
-def _control(samples: list[Sample]) -> None:
+def _control(samples: Sequence[Sample]) -> None:
     """What live input, driving and other solvers need beyond an evaluation."""
     sampler = Sampler()
     mpc = DrivingMpc(MpcSettings(solver="proxqp", driving=True))

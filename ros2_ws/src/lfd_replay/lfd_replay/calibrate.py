@@ -1,10 +1,11 @@
 """calibrate: thresholds and noise figures from anyone's fault-free drives, as a parameter file."""
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import floor
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from pydantic import ValidationError
@@ -13,7 +14,7 @@ from rich.progress import track
 from rich.table import Table
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.settings import settings_error
+from lfd_mpc.settings import Settings, settings_error
 from lfd_replay.command_line import add_profile_option, print_table, warn
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
@@ -42,6 +43,8 @@ from lfd_replay.read_drive import (
 )
 from lfd_replay.score import intervals
 from lfd_replay.text_file import write_text
+
+Changed = TypeVar("Changed", bound=Settings)
 
 LEAST_INDICES = 50
 """So many indices above zero a threshold is derived from; with fewer the profile's stays."""
@@ -125,7 +128,7 @@ def _false_events(
     )
 
 
-def _changed(settings, values: dict[str, float]):
+def _changed(settings: Changed, values: Mapping[str, object]) -> Changed:
     """A copy of validated settings with other values, validated again."""
     return type(settings)(**{**settings.model_dump(), **values})
 

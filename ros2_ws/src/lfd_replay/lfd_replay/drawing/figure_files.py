@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Canvas
@@ -71,7 +72,7 @@ def write_figure(figure: Figure, folder: Path) -> Path:
     return path
 
 
-def _draw(axes, panel: Panel, last: bool) -> None:
+def _draw(axes: Axes, panel: Panel, last: bool) -> None:
     axes.set_title(panel.title, fontsize=8, loc="left")
     axes.tick_params(labelsize=7)
     if last:
@@ -96,7 +97,7 @@ def _draw(axes, panel: Panel, last: bool) -> None:
         axes.set_ylim(-0.5, len(panel.lanes) - 0.5)
 
 
-def _legend(axes) -> None:
+def _legend(axes: Axes) -> None:
     """Above the panel, where it hides no line."""
     handles, labels = axes.get_legend_handles_labels()
     if len(labels) > 1:
@@ -112,7 +113,7 @@ def _legend(axes) -> None:
         )
 
 
-def _mark(axes, mark: Mark) -> None:
+def _mark(axes: Axes, mark: Mark) -> None:
     if isinstance(mark, Line):
         x, y = thinned(mark.x, mark.y)
         style = "--" if mark.dashed else "-"
@@ -152,7 +153,7 @@ def _mark(axes, mark: Mark) -> None:
         axes.axhline(mark.y, color=mark.colour, ls="--", lw=0.8)
 
 
-def _heat_map(axes, mark: HeatMap) -> None:
+def _heat_map(axes: Axes, mark: HeatMap) -> None:
     shades = LinearSegmentedColormap.from_list(mark.name, ["#FFFFFF", mark.colour])
     named = isinstance(mark.x, list)
     x = np.arange(len(mark.x)) if named else mark.x

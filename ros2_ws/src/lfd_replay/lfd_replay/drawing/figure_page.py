@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
+from numpy.typing import ArrayLike, NDArray
 from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
@@ -103,7 +104,7 @@ def _draw(plot: go.Figure, panel: Panel, place: dict[str, int], named: set[str])
         )
 
 
-def _line(mark: Line) -> Any:
+def _line(mark: Line) -> go.Scatter:
     x, y = thinned(mark.x, mark.y)
     style = {"color": mark.colour, "width": mark.width, "dash": "dash" if mark.dashed else None}
     return go.Scatter(
@@ -111,7 +112,7 @@ def _line(mark: Line) -> Any:
     )
 
 
-def _band(mark: Band) -> Any:
+def _band(mark: Band) -> go.Scatter:
     # Around each stretch and back; what follows a gap is an outline of its own.
     parts = stretches(mark)
     x = np.concatenate([[np.nan], *(np.r_[x, x[::-1], np.nan] for x, _, _ in parts)])
@@ -122,7 +123,7 @@ def _band(mark: Band) -> Any:
     )  # fmt: skip
 
 
-def _points(mark: Points) -> Any:
+def _points(mark: Points) -> go.Scatter:
     errors = None
     if mark.low is not None and mark.high is not None:
         errors = {
@@ -139,11 +140,11 @@ def _points(mark: Points) -> Any:
     )  # fmt: skip
 
 
-def _bars(mark: Bars) -> Any:
+def _bars(mark: Bars) -> go.Bar:
     return go.Bar(x=mark.x, y=mark.y, name=mark.name, marker={"color": mark.colour})
 
 
-def _heat_map(mark: HeatMap) -> Any:
+def _heat_map(mark: HeatMap) -> go.Heatmap:
     named = isinstance(mark.x, list)
     return go.Heatmap(
         x=_with_breaks(mark.x) if named else _small(mark.x),
@@ -160,7 +161,7 @@ def _heat_map(mark: HeatMap) -> Any:
     )
 
 
-def _spans(mark: Spans) -> Any:
+def _spans(mark: Spans) -> go.Scatter:
     x, y = [], []
     for start, end in mark.intervals:
         x += [start, end, None]
@@ -187,11 +188,11 @@ _TRACES: dict[type, Callable[[Any], Any]] = {
 """How each mark is drawn, but a limit, which is no trace."""
 
 
-def _with_breaks(names: Any) -> list[str]:
+def _with_breaks(names: Iterable[str]) -> list[str]:
     return [name.replace("\n", "<br>") for name in names]
 
 
-def _small(values: Any) -> Any:
+def _small(values: ArrayLike) -> NDArray[np.float32]:
     """Half the page's size, and still far finer than a pixel."""
     return np.asarray(values, dtype=np.float32)
 

@@ -79,7 +79,9 @@ def _waves(*waves: tuple[float, float, float]) -> OverTime:
     return acceleration
 
 
-def _with_braking(calm: OverTime, start: float, peak: float, ramps: tuple[float, float, float]):
+def _with_braking(
+    calm: OverTime, start: float, peak: float, ramps: tuple[float, float, float]
+) -> OverTime:
     """Braking to `peak` (m/s^2) at `start` (s): `ramps` are s of onset, of holding, of release."""
     onset, hold, release = ramps
 

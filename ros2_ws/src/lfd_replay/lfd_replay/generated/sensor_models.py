@@ -101,7 +101,7 @@ class Radar:
     outlier_period: tuple[float, float] | None = (45.0, 75.0)  # s, evenly spread
     outlier: float = 1.5  # m, nearer or farther
 
-    def plan(self, duration: float, generator: np.random.Generator) -> "RadarPlan":
+    def plan(self, duration: float, generator: np.random.Generator) -> RadarPlan:
         """When it will scan within `duration` s, and by how much it will be off."""
         grid = np.arange(0.0, duration - self.latest, self.period)
         late = generator.exponential(self.lateness, len(grid)) if self.lateness else 0.0 * grid
@@ -121,7 +121,7 @@ class Radar:
             outliers[k] += self.outlier * generator.choice((-1.0, 1.0))
         return RadarPlan(times, measured, noise[0], noise[1], outliers)
 
-    def scans(self, truth: Truth, plan: "RadarPlan") -> list[Sample]:
+    def scans(self, truth: Truth, plan: RadarPlan) -> list[Sample]:
         """What is seen of the truth at the planned times."""
         times, measured = plan.times, plan.measured
         clearance = np.interp(measured, truth.time, truth.clearance)
@@ -177,7 +177,7 @@ class Accelerometer:
     lag: float = 0.0  # s
     differentiated: bool = False
 
-    def plan(self, duration: float, bumps: int, generator: np.random.Generator) -> "FeltPlan":
+    def plan(self, duration: float, bumps: int, generator: np.random.Generator) -> FeltPlan:
         """When it will speak within `duration` s, and by how much it will be off."""
         ideal = np.arange(round(duration / self.period)) * self.period
         times = ideal + generator.uniform(0.0, self.jitter, len(ideal))
@@ -190,7 +190,7 @@ class Accelerometer:
         noise = self.noise.draw(len(times), 1 / self.period, generator)
         return FeltPlan(times, noise, off, swings)
 
-    def samples(self, truth: Truth, plan: "FeltPlan") -> list[Sample]:
+    def samples(self, truth: Truth, plan: FeltPlan) -> list[Sample]:
         """What is felt of the truth at the planned times."""
         times = plan.times
         if self.differentiated:
@@ -235,13 +235,13 @@ class Speedometer:
     noise: Noise = Noise(0.006, 0.011, (1.5, 13.0))  # m/s
     step: float = 0.01  # m/s
 
-    def plan(self, duration: float, generator: np.random.Generator) -> "SpeedPlan":
+    def plan(self, duration: float, generator: np.random.Generator) -> SpeedPlan:
         """When it will speak within `duration` s, and by how much it will be off."""
         scale = 1.0 + generator.uniform(-self.scale, self.scale)
         times = np.arange(self.period, duration, self.period)
         return SpeedPlan(times, self.noise.draw(len(times), 1 / self.period, generator), scale)
 
-    def samples(self, truth: Truth, plan: "SpeedPlan") -> list[Sample]:
+    def samples(self, truth: Truth, plan: SpeedPlan) -> list[Sample]:
         """What is said of the truth at the planned times."""
         times = plan.times
         speed = plan.scale * np.interp(times - self.lag, truth.time, truth.host_speed)
