@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import subprocess
 import time
 import zlib
 from collections.abc import Callable
@@ -24,7 +25,8 @@ from lfd_replay.offline import OfflineGraph
 from lfd_replay.player import PlayerNode, PlayOptions
 from lfd_replay.profiles import graph_settings
 
-LOCKSTEP = Path(__file__).parent.parent / "ros2_ws/src/lfd_bringup/params/lockstep.yaml"
+ROOT = Path(__file__).parent.parent
+LOCKSTEP = ROOT / "ros2_ws/src/lfd_bringup/params/lockstep.yaml"
 REPLAY_ARGUMENTS = ["--ros-args", "-p", "use_sim_time:=true", "--params-file", str(LOCKSTEP)]
 
 
@@ -42,6 +44,18 @@ _domains = itertools.count(_WORKER, _WORKERS)
 def next_domain() -> int:
     """A domain id that no other test of this run uses, and hardly another run on this machine."""
     return 1 + (_RUN + next(_domains)) % 100
+
+
+def run(*arguments: str | Path, **options) -> subprocess.CompletedProcess[str]:
+    """`./run` with such arguments, in a domain of its own, until it ends."""
+    return subprocess.run(
+        [ROOT / "run", *arguments],
+        env={**os.environ, "ROS_DOMAIN_ID": str(next_domain())},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        **options,
+    )
 
 
 class Graph:

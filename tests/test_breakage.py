@@ -58,10 +58,9 @@ from lfd_replay.drive_bag import write_drive
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.player import PlayerNode, PlayOptions
 from lfd_replay.profiles import graph_settings
-from ros_support import REPLAY_ARGUMENTS, Graph, next_domain
+from ros_support import REPLAY_ARGUMENTS, ROOT, Graph, next_domain, run
 
 SOAK = os.environ.get("LFD_SOAK") == "1"
-ROOT = Path(__file__).parent.parent
 NODES = {
     "mpc_node": "lfd_mpc",
     "observer_node": "lfd_observer",
@@ -688,14 +687,8 @@ def _small_files() -> None:
 
 def replay(drive_file: Path, out: Path, **options) -> subprocess.CompletedProcess:
 
-    return subprocess.run(
-        [ROOT / "run", "lfd_bringup", "replay", "--drive", drive_file, "--rate", "0", "--out", out],
-        env={**os.environ, "ROS_DOMAIN_ID": str(next_domain())},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        **options,
-    )
+    where = ("--drive", drive_file, "--out", out)
+    return run("lfd_bringup", "replay", *where, "--rate", "0", **options)
 
 
 @pytest.fixture(scope="module")

@@ -21,31 +21,20 @@ from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.read_drive import read_drive
 from ros_support import (
     LOCKSTEP,
+    ROOT,
     Graph,
     assert_live_equals_offline,
     next_domain,
     offline,
     recorded,
+    run,
 )
 
-ROOT = Path(__file__).parent.parent
 NODES = (
     ("lfd_mpc", "mpc_node"),
     ("lfd_observer", "observer_node"),
     ("lfd_diagnosis", "diagnosis_node"),
 )
-
-
-def run(*arguments: str, domain: int | None = None, **options) -> subprocess.CompletedProcess:
-    environment = {**os.environ, "ROS_DOMAIN_ID": str(domain or next_domain())}
-    return subprocess.run(
-        [ROOT / "run", *arguments],
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        **options,
-    )
 
 
 @pytest.fixture(scope="module")

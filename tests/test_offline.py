@@ -16,6 +16,7 @@ import pytest
 
 from lfd_mpc.samples import HOST_SPEED
 from lfd_replay.drive_bag import write_bag, write_drive
+from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
 from lfd_replay.evaluate_many import attempt, drive_key, journal_file, say_failures
 from lfd_replay.faults import FaultInjector, parse_faults
@@ -254,15 +255,16 @@ def test_what_has_changed_is_evaluated_again(tmp_path: Path) -> None:
     assert key() not in seen, "another DBC"
 
 
-def test_a_folder_without_drives_and_a_wrong_scheduler_are_refused(tmp_path, folder, capfd) -> None:
-    empty = subprocess.run([*EVALUATE, str(tmp_path)], capture_output=True, text=True)
-    assert empty.returncode == 2 and "holds no drive" in empty.stderr
+def test_a_folder_without_drives_and_a_wrong_scheduler_are_refused(
+    tmp_path, folder, capfd, monkeypatch
+) -> None:
+    assert run_command(main_evaluate, [str(tmp_path)]) == 2
+    assert "holds no drive" in capfd.readouterr().err
+    monkeypatch.setattr("lfd_replay.journal.SCHEDULER_DEADLINE", 0.5)
     nobody = f"tcp://127.0.0.1:{free_port()}"
-    refused = subprocess.run(
-        [*EVALUATE, str(folder), "--scheduler", nobody], capture_output=True, text=True
-    )
-    assert refused.returncode == 2 and "no Dask scheduler answers" in refused.stderr
-    assert "Traceback" not in refused.stderr
+    assert run_command(main_evaluate, [str(folder), "--scheduler", nobody]) == 2
+    refused = capfd.readouterr().err
+    assert "no Dask scheduler answers" in refused and "Traceback" not in refused
 
 
 def test_drives_are_evaluated_behind_a_dask_scheduler(folder, tmp_path) -> None:

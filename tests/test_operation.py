@@ -93,6 +93,19 @@ def set_parameter(graph: Graph, node: str, name: str, value):
 # --- /diagnostics
 
 
+def until_said(graph: Graph, capfd, words: str) -> str:
+    """Spin until a node has logged such words; returns all that was logged since asked last."""
+    output = ""
+
+    def said() -> bool:
+        nonlocal output
+        output += capfd.readouterr().err
+        return words in output
+
+    graph.spin_until(said, words)
+    return output
+
+
 def statuses(watcher: Watcher) -> dict[str, list]:
     """All statuses that were heard, by name."""
     heard: dict[str, list] = {}
@@ -381,24 +394,14 @@ def test_a_paused_player_goes_on_step_by_step(graph: Graph) -> None:
 
 def test_nodes_come_up_in_any_order_and_name_what_they_wait_for(graph: Graph, capfd) -> None:
     ready = Watcher(graph, String, "ready", READY_QOS)
-    output = ""
-
-    def said(words: str) -> bool:
-        nonlocal output
-        output += capfd.readouterr().err
-        return words in output
-
     graph.add(DiagnosisNode(context=graph.context))
-    graph.spin_until(
-        lambda: said("waiting for a publisher on mpc/horizon, observer/bank"), "it says so"
-    )
+    words = "waiting for a publisher on mpc/horizon, observer/bank"
+    output = until_said(graph, capfd, words)
     assert output.count("waiting for a publisher") == 1
     graph.add(ObserverNode(context=graph.context))
     graph.add(MpcNode(context=graph.context))
     graph.spin_until(lambda: len(ready.messages) == 2, "diagnosis and bank are ready")
-    graph.spin_until(
-        lambda: said("waiting for a publisher on radar/target, vehicle/imu"), "mpc_node waits"
-    )
+    until_said(graph, capfd, "waiting for a publisher on radar/target, vehicle/imu")
     graph.add(PlayerNode(drive(1.0), PlayOptions(), ["mpc_node"], graph.context))
     graph.spin_until(lambda: len(ready.messages) == 3, "all are ready")
     assert {m.data for m in ready.messages} == {"/mpc_node", "/observer_node", "/diagnosis_node"}
@@ -411,14 +414,7 @@ def test_a_publisher_of_another_type_is_named_and_is_none(graph: Graph, capfd) -
     other = rclpy.create_node("other", context=elsewhere)
     other.create_publisher(Float64, "radar/target", 10)
     other.create_publisher(Imu, "vehicle/imu", 10)
-    output = ""
-
-    def said() -> bool:
-        nonlocal output
-        output += capfd.readouterr().err
-        return "waiting for a publisher on" in output
-
-    graph.spin_until(said, "it waits")
+    output = until_said(graph, capfd, "waiting for a publisher on")
     assert "radar/target (there is one of std_msgs/msg/Float64, not lfd_msgs/msg/Radar" in output
     assert "vehicle/imu" not in output.split("waiting")[1]
     ready = Watcher(graph, String, "ready", READY_QOS)
@@ -481,14 +477,7 @@ def test_every_sensor_profile_is_heard_or_named(graph, capfd, offered, durabilit
     if heard:
         graph.spin_until(radar.get_subscription_count, "the controller hears it")
         return
-    output = ""
-
-    def said() -> bool:
-        nonlocal output
-        output += capfd.readouterr().err
-        return "/radar_driver can be heard" in output
-
-    graph.spin_until(said, "the mismatch is logged")
+    output = until_said(graph, capfd, "/radar_driver can be heard")
     line = next(line for line in output.splitlines() if "/radar_driver" in line)
     assert "it offers best effort" in line and "wanted is reliable" in line
     assert "qos_overrides./radar/target.subscription" in line
@@ -499,14 +488,7 @@ def test_a_subscriber_that_asks_for_too_much_is_named(graph: Graph, capfd) -> No
     dashboard = graph.add(rclpy.create_node("dashboard", context=graph.context))
     qos = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     dashboard.create_subscription(FaultReport, "diagnosis/faults", lambda _: None, qos)
-    output = ""
-
-    def said() -> bool:
-        nonlocal output
-        output += capfd.readouterr().err
-        return "/dashboard cannot hear this node" in output
-
-    graph.spin_until(said, "the mismatch is logged")
+    output = until_said(graph, capfd, "/dashboard cannot hear this node")
     assert "it wants reliable, transient local" in output
 
 

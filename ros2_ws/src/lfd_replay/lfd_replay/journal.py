@@ -18,6 +18,9 @@ import lfd_observer
 import lfd_replay
 from lfd_mpc.errors import UserError
 
+SCHEDULER_DEADLINE = 10.0
+"""Seconds within which a Dask scheduler must answer."""
+
 
 @dataclass(frozen=True)
 class Task:
@@ -108,7 +111,7 @@ def workers(jobs: int, scheduler: str | None = None) -> Iterator[Executor]:
             "--scheduler needs Dask: pip install -r requirements-dask.txt into the environment"
         ) from error
     try:
-        client = Client(scheduler, timeout="10s")
+        client = Client(scheduler, timeout=SCHEDULER_DEADLINE)
     except (OSError, ValueError) as error:
         raise UserError(f"--scheduler {scheduler}: no Dask scheduler answers there") from error
     with client, client.get_executor(pure=False) as pool:
