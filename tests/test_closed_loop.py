@@ -35,7 +35,7 @@ from lfd_vehicle.closed_loop_evaluation import (
     main_closed_loop,
     run_case,
 )
-from lfd_vehicle.lead import lead_motion
+from lfd_vehicle.lead import lead_plan
 from lfd_vehicle.scenarios import FAULTS, MUST_COLLIDE, SITUATIONS, Situation, timed
 from lfd_vehicle.settings import VehicleSettings
 from lfd_vehicle.vehicle_node import LOOP_NODES, VehicleNode
@@ -77,7 +77,7 @@ def test_the_closed_loop_in_lockstep_gives_what_it_gives_without_ros(
     if profile == "paper":
         # To standstill it goes under the other one.
         monkeypatch.setattr("lfd_vehicle.lead.AFTER_STEPS", 4.0)
-    scenario = Scenario(lead_motion(LEAD), tuple(parse_faults([FAULT])))
+    scenario = Scenario(lead_plan(LEAD), tuple(parse_faults([FAULT])))
     loop = ClosedLoop(scenario, graph_settings(profile), VehicleSettings())
     own = list(loop.run())
     with Graph() as graph:

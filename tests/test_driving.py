@@ -15,7 +15,7 @@ from lfd_mpc.horizon import Horizon, first_horizon
 from lfd_mpc.settings import MpcSettings
 from lfd_replay.profiles import graph_settings
 from lfd_vehicle.closed_loop import ClosedLoop, LoopStep
-from lfd_vehicle.lead import lead_motion
+from lfd_vehicle.lead import lead_plan
 from lfd_vehicle.safety import safety_of
 from lfd_vehicle.settings import VehicleSettings
 from lfd_vehicle.world import Scenario
@@ -27,7 +27,7 @@ PASSENGER_JERK = 3.0
 
 @cache
 def run(lead: str, gap: float | None = None, speed: float | None = None) -> list[LoopStep]:
-    scenario = Scenario(lead_motion(lead), (), gap, speed)
+    scenario = Scenario(lead_plan(lead), (), gap, speed)
     return list(ClosedLoop(scenario, graph_settings("robust"), VehicleSettings()).run())
 
 
@@ -86,7 +86,7 @@ def test_it_stays_behind_a_lead_that_brakes_hard(lead: str, least: float) -> Non
 def test_the_published_prediction_is_that_of_the_command_that_is_sent() -> None:
     """What a plan that nobody drives by would predict is wrong by what it would do otherwise."""
     settings_ = graph_settings("robust")
-    scenario = Scenario(lead_motion("data-3"))
+    scenario = Scenario(lead_plan("data-3"))
     loop = ClosedLoop(scenario, settings_, VehicleSettings())
     mpc, seen = loop._mpc, []
     push = mpc.push

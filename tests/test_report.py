@@ -34,7 +34,8 @@ def recorded(fault: str, profile: str = "paper") -> tuple[list[Fault], list[Reco
 def make_page(folder: Path, fault: str, profile: str = "paper") -> str:
     faults, steps = recorded(fault, profile)
     sensors = score(timeline((step.report for step in steps), 0), faults)
-    path = write_report(folder, "a <drive> & more", steps, 0, faults, sensors, profile)
+    recording = Recording(steps, 0, faults)
+    path = write_report(folder, "a <drive> & more", recording, sensors, profile)
     assert [file.name for file in folder.iterdir()] == [path.name]
     return path.read_text()
 
@@ -119,5 +120,5 @@ def test_observers_are_shown_where_they_judge(tmp_path: Path) -> None:
 
 
 def test_a_drive_without_steps_says_so(tmp_path: Path) -> None:
-    page = write_report(tmp_path, "nothing", [], 0, [], {}, "robust").read_text()
+    page = write_report(tmp_path, "nothing", Recording([], 0, []), {}, "robust").read_text()
     assert "There is no step" in page

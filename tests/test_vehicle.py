@@ -17,7 +17,7 @@ from lfd_replay.faults import parse_faults
 from lfd_replay.generated.car_following import Truth
 from lfd_replay.generated.generate import generate_drive
 from lfd_replay.generated.sensor_models import GRAVITY, SENSORS
-from lfd_vehicle.lead import Lead, lead_motion, recorded_lead
+from lfd_vehicle.lead import Lead, lead_plan, recorded_lead
 from lfd_vehicle.library_model import CONSTANTS, PARAMETERS, derivative
 from lfd_vehicle.sensing import Moment, Sensing
 from lfd_vehicle.settings import VehicleSettings
@@ -140,7 +140,7 @@ def test_any_commands_leave_it_possible(commands: list[float], speed: float) -> 
 
 
 def test_a_lead_in_steps() -> None:
-    motion = lead_motion("20,-3@1-3,2@4-5")
+    motion = lead_plan("20,-3@1-3,2@4-5")
     lead = Lead(motion, 30.0)
     speeds = []
     for _ in range(600):
@@ -153,7 +153,7 @@ def test_a_lead_in_steps() -> None:
 
 
 def test_a_lead_stops_and_does_not_drive_backwards_and_can_be_told() -> None:
-    lead = Lead(lead_motion("5,-3@0-10"), 30.0)
+    lead = Lead(lead_plan("5,-3@0-10"), 30.0)
     for _ in range(400):
         lead.step(0.0)
     assert lead.speed == 0.0 and lead.acceleration == 0.0
@@ -185,14 +185,14 @@ def test_a_lead_stops_and_does_not_drive_backwards_and_can_be_told() -> None:
 )
 def test_an_impossible_lead_is_refused_in_one_line(text: str, named: str) -> None:
     with pytest.raises(UserError) as caught:
-        lead_motion(text)
+        lead_plan(text)
     assert named in str(caught.value) and "\n" not in str(caught.value)
 
 
 def test_a_recorded_lead_moves_as_the_recorded_one_did() -> None:
     recorded = generate_drive("data-3", 1, "esr")
     own = recorded_lead(recorded)
-    made = lead_motion("data-3")
+    made = lead_plan("data-3")
     count = min(len(own.acceleration), len(made.acceleration))
     speed = own.speed + np.cumsum(own.acceleration[:count]) * 0.01
     wanted = made.speed + np.cumsum(made.acceleration[:count]) * 0.01
@@ -262,7 +262,7 @@ def test_the_accelerometer_feels_gravity_in_the_pitching_body() -> None:
 
 def test_the_world_injects_faults_and_ends_at_a_collision() -> None:
     faults = tuple(parse_faults(["offset:clearance=4@0.5-1;dropout:acceleration@1-2"]))
-    world = World(Scenario(lead_motion("10"), faults, 20.0, 20.0), VehicleSettings(), MpcSettings())
+    world = World(Scenario(lead_plan("10"), faults, 20.0, 20.0), VehicleSettings(), MpcSettings())
     seen = []
     while not world.ended:
         seen += world.sense()
@@ -278,6 +278,6 @@ def test_the_world_injects_faults_and_ends_at_a_collision() -> None:
 
 def test_a_beginning_that_cannot_be_is_refused() -> None:
     with pytest.raises(UserError, match="a gap of"):
-        World(Scenario(lead_motion("10"), (), -3.0), VehicleSettings(), MpcSettings())
+        World(Scenario(lead_plan("10"), (), -3.0), VehicleSettings(), MpcSettings())
     with pytest.raises(UserError, match="esr"):
-        World(Scenario(lead_motion("10")), VehicleSettings(sensors="sonar"), MpcSettings())
+        World(Scenario(lead_plan("10")), VehicleSettings(sensors="sonar"), MpcSettings())

@@ -216,6 +216,7 @@ def _leave(
 ) -> None:
     """Bag, report and summary."""
     # What draws is loaded when there is something to draw, not before the first report.
+    from lfd_replay.drawing.panels import Recording
     from lfd_replay.report import write_report
 
     write_bag(recorder, out / "bag")
@@ -223,6 +224,7 @@ def _leave(
     line = timeline((step.report for step in steps), drive.zero)
     write_text(out / "summary.json", json.dumps(score(line, faults), indent=1) + "\n")
     sensors = shown(line, faults)
-    report = write_report(out, drive.name, steps, drive.zero, faults, sensors, profile)
+    recording = Recording(steps, drive.zero, faults)
+    report = write_report(out, drive.name, recording, sensors, profile)
     print_table(result_table(sensors, f"{len(steps)} steps"))
     console.print(f"bag: {out / 'bag'}   report: {report}", highlight=False)

@@ -42,7 +42,7 @@ from lfd_replay.faults import parse_faults
 from lfd_replay.paths import make_folder
 from lfd_replay.score import score, shown, timeline
 from lfd_replay.text_file import write_text
-from lfd_vehicle.lead import lead_motion
+from lfd_vehicle.lead import lead_plan
 from lfd_vehicle.safety import Safety, safety_of
 from lfd_vehicle.vehicle_node import LOOP_NODES, VehicleNode
 
@@ -103,7 +103,7 @@ def main_simulate(arguments: list[str]) -> int:
     if not texts and lead_text == DEFAULT_LEAD:
         texts = [DEFAULT_FAULT]
     faults = parse_faults(texts)
-    lead = lead_motion(lead_text)
+    lead = lead_plan(lead_text)
     make_folder(options.out)
     refuse_others_bag(options.out / "bag")
 
@@ -183,6 +183,7 @@ def _leave(
     out: Path, lead: str, recorder: RecorderNode, faults: list, profile: str, console: Console
 ) -> None:
     """Bag, report, page and summary; where nothing was judged, the bag alone."""
+    from lfd_replay.drawing.panels import Recording
     from lfd_replay.report import write_report
     from lfd_vehicle.watch_page import TOPICS, write_watch_page
 
@@ -199,7 +200,7 @@ def _leave(
     write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
     sensors = shown(line, faults)
     title = f"closed loop behind {lead}"
-    report = write_report(out, title, steps, 0, faults, sensors, profile)
+    report = write_report(out, title, Recording(steps, 0, faults), sensors, profile)
     page = write_watch_page(out / "bag", out / "watch.html", faults)
     print_table(result_table(sensors, f"{len(steps)} steps"))
     _print_safety(safety, console)

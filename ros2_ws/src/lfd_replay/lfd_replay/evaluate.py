@@ -113,12 +113,12 @@ def _report_drive(drive: Drive, question: Question, sensors: dict, folder: Path)
     shown = track(samples, "drawing", console=console, disable=not console.is_terminal)
     steps = [step for sample in shown for step in graph.push(sample)]
     # plotly is loaded when there is something to draw: other commands use this module, too.
+    from lfd_replay.drawing.panels import Recording
     from lfd_replay.report import write_report
 
     recorded = [RecordedStep.offline(step) for step in steps]
-    write_report(
-        folder, drive.name, recorded, drive.zero, question.faults, sensors, question.profile
-    )
+    recording = Recording(recorded, drive.zero, question.faults)
+    write_report(folder, drive.name, recording, sensors, question.profile)
 
 
 def _parse(arguments: list[str]) -> argparse.Namespace:

@@ -1,7 +1,6 @@
 """The report: one self-contained page with the paper's panels and the verdicts."""
 
 import html
-from collections.abc import Sequence
 from math import isnan
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from lfd_replay.drawing.panels import (
 )
 from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.faults import Fault
-from lfd_replay.recorded_step import RecordedStep
 from lfd_replay.score import SUMMARY_COLUMNS, summary_rows
 
 MAX_CHANGES = 200
@@ -29,25 +27,18 @@ NO_BREAK = "\u00a0"
 
 
 def write_report(
-    folder: Path,
-    title: str,
-    steps: Sequence[RecordedStep],
-    zero: int,
-    faults: list[Fault],
-    sensors: dict[str, dict],
-    profile: str,
+    folder: Path, title: str, recording: Recording, sensors: dict[str, dict], profile: str
 ) -> Path:
     """Write `report.html` into a folder and return its path.
 
-    `zero` is the drive's time zero in ns, `sensors` the figures of `score`. Raises UserError where
-    the page cannot be written.
+    `sensors` are the figures of `score`. Raises UserError where the page cannot be written.
     """
-    body = [_injected(faults)]
-    if steps:
+    body = [_injected(recording.faults)]
+    if recording.steps:
         body += [
             table_html(SUMMARY_COLUMNS, summary_rows(sensors)),
-            figure_html(_figure(Recording(steps, zero, faults), profile)),
-            _changes(steps, zero),
+            figure_html(_figure(recording, profile)),
+            _changes(recording),
         ]
     else:
         body.append("<p>There is no step: nothing was diagnosed.</p>")
@@ -74,10 +65,10 @@ def _injected(faults: list[Fault]) -> str:
     return f"<p>Injected, in s of drive time: {texts}</p>"
 
 
-def _changes(steps: Sequence[RecordedStep], zero: int) -> str:
+def _changes(recording: Recording) -> str:
     rows = []
     before = {name: State.NOT_READY for name in SIGNALS}
-    for step in steps:
+    for time, step in zip(recording.time, recording.steps, strict=True):
         for name in SIGNALS:
             fault = getattr(step.report, name)
             if fault.state == before[name]:
@@ -85,7 +76,7 @@ def _changes(steps: Sequence[RecordedStep], zero: int) -> str:
             index = "–" if isnan(fault.index) else f"{fault.index:.2f}"
             rows.append(
                 (
-                    f"{(step.report.stamp - zero) * 1e-9:.2f}{NO_BREAK}s",
+                    f"{time:.2f}{NO_BREAK}s",
                     name,
                     before[name].name,
                     fault.state.name,

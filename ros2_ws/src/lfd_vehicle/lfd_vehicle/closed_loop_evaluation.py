@@ -32,7 +32,7 @@ from lfd_replay.profiles import PROFILES, graph_settings
 from lfd_replay.score import score, timeline
 from lfd_replay.text_file import write_text
 from lfd_vehicle.closed_loop import ClosedLoop
-from lfd_vehicle.lead import lead_motion
+from lfd_vehicle.lead import lead_plan
 from lfd_vehicle.safety import safety_of
 from lfd_vehicle.scenarios import (
     FAULTS,
@@ -78,7 +78,7 @@ def run_case(case: Case) -> dict[str, Any]:
     """Figures of one run, with what it was."""
     situation = case.situation
     scenario = Scenario(
-        lead_motion(situation.lead),
+        lead_plan(situation.lead),
         tuple(parse_faults([case.fault])),
         situation.gap,
         situation.speed,
@@ -329,9 +329,7 @@ def leave(rows: list[dict[str, Any]], out: Path, console: Console) -> None:
     body = []
     for table, title, columns, make in TABLES:
         made = make([row for row in rows if row["table"] == table])
-        printed = Table(title=title)
-        for column in columns:
-            printed.add_column(column)
+        printed = Table(*columns, title=title)
         for row in made:
             printed.add_row(*row)
         print_table(printed)

@@ -47,7 +47,7 @@ GRAMMAR = "SPEED[,ACCELERATION@START-END...], e.g. 20,-3@10-14"
 
 
 @dataclass(frozen=True)
-class LeadMotion:
+class LeadPlan:
     """What a lead does over `duration` s: `acceleration` (m/s^2) every 10 ms from `speed` (m/s).
 
     `grade` of the road every 10 ms, `changes` of the lead, and times of `bumps` in s.
@@ -69,7 +69,7 @@ class LeadMotion:
 class Lead:
     """Drives; nobody drives backwards."""
 
-    def __init__(self, motion: LeadMotion, position: float) -> None:
+    def __init__(self, motion: LeadPlan, position: float) -> None:
         """Begin with the rear bumper at `position` (m)."""
         self._motion = motion
         self._changes = {round(change.time / STEP_S): change for change in motion.changes}
@@ -107,7 +107,7 @@ class Lead:
         return acceleration if self.speed > 0.0 else max(acceleration, 0.0)
 
 
-def lead_motion(text: str) -> LeadMotion:
+def lead_plan(text: str) -> LeadPlan:
     """What `--lead` says. Raises UserError that names what was wrong and what is accepted."""
     name, _, peak = text.partition(":")
     if name in NAMES:
@@ -122,7 +122,7 @@ def lead_motion(text: str) -> LeadMotion:
     )
 
 
-def _generated(text: str, name: str, peak: str) -> LeadMotion:
+def _generated(text: str, name: str, peak: str) -> LeadPlan:
     try:
         profile: Profile = lead_profile(name, float(peak) if peak else None)
     except ValueError as error:
@@ -130,7 +130,7 @@ def _generated(text: str, name: str, peak: str) -> LeadMotion:
     except UserError as error:
         raise UserError(f"--lead {text}: {error}") from error
     time = np.arange(round(profile.duration / STEP_S)) * STEP_S
-    return LeadMotion(
+    return LeadPlan(
         text,
         profile.speed,
         profile.acceleration(time),
@@ -140,7 +140,7 @@ def _generated(text: str, name: str, peak: str) -> LeadMotion:
     )
 
 
-def _in_steps(text: str) -> LeadMotion:
+def _in_steps(text: str) -> LeadPlan:
     first, *parts = text.split(",")
     speed, steps = float(first), []
     if not 0.0 <= speed <= FASTEST:
@@ -163,10 +163,10 @@ def _in_steps(text: str) -> LeadMotion:
     reached = speed + np.cumsum(wanted) * STEP_S
     if reached.max() > FASTEST:
         raise UserError(f"--lead {text}: it would reach {reached.max():.0f} of {FASTEST:g} m/s")
-    return LeadMotion(text, speed, wanted, np.zeros(len(wanted)))
+    return LeadPlan(text, speed, wanted, np.zeros(len(wanted)))
 
 
-def recorded_lead(drive: Drive) -> LeadMotion:
+def recorded_lead(drive: Drive) -> LeadPlan:
     """The lead of a recording: host speed plus relative velocity, smoothed and differentiated.
 
     Raises UserError where there is no host speed, or no lead for most of it.
@@ -192,4 +192,4 @@ def recorded_lead(drive: Drive) -> LeadMotion:
         raise UserError(f"--lead {drive.name}: less than 1 s of a lead with host speed")
     speed = gaussian_filter1d(speed.clip(0.0, FASTEST), SMOOTHED / 2.0 / STEP_S, mode="nearest")
     acceleration = np.gradient(speed, STEP_S).clip(-STRONGEST, STRONGEST)
-    return LeadMotion(drive.name, float(speed[0]), acceleration, np.zeros(len(time)))
+    return LeadPlan(drive.name, float(speed[0]), acceleration, np.zeros(len(time)))

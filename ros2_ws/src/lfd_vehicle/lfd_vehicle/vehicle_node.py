@@ -33,7 +33,7 @@ from lfd_replay.faults import parse_faults
 from lfd_replay.lockstep import ANSWERS, Lockstep, LockstepError
 from lfd_replay.player import GRAPH_NODES, HEARTBEAT
 from lfd_replay.sample_publishers import SamplePublishers
-from lfd_vehicle.lead import lead_motion
+from lfd_vehicle.lead import lead_plan
 from lfd_vehicle.markers import markers
 from lfd_vehicle.settings import VehicleNodeSettings
 from lfd_vehicle.vehicle import DivergenceError
@@ -91,7 +91,7 @@ class VehicleNode(Node):
             raise UserError(
                 f"parameter 'rate': {settings.rate:g}; expected: 0 or {SLOWEST:g} to 100"
             )
-        scenario = Scenario(lead_motion(settings.lead), tuple(parse_faults([settings.faults])))
+        scenario = Scenario(lead_plan(settings.lead), tuple(parse_faults([settings.faults])))
         self.world = World(scenario, settings, MpcSettings())
         self.total = scenario.lead.duration
         self.error: Exception | None = None

@@ -7,7 +7,7 @@ from lfd_mpc.samples import Sample
 from lfd_mpc.settings import STEP_NS, STEP_S, MpcSettings
 from lfd_replay.faults import Fault, FaultInjector
 from lfd_replay.generated.sensor_models import SENSORS
-from lfd_vehicle.lead import FASTEST, Lead, LeadMotion
+from lfd_vehicle.lead import FASTEST, Lead, LeadPlan
 from lfd_vehicle.sensing import Moment, Sensing
 from lfd_vehicle.settings import VehicleSettings
 from lfd_vehicle.vehicle import Vehicle
@@ -23,7 +23,7 @@ class Scenario:
     Without them the host follows steadily at the desired clearance.
     """
 
-    lead: LeadMotion
+    lead: LeadPlan
     faults: tuple[Fault, ...] = ()
     gap: float | None = None
     speed: float | None = None

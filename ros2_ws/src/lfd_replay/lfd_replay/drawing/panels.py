@@ -49,7 +49,7 @@ SAID = {
 
 
 class Recording:
-    """Steps of one drive (at least one), `zero` its time zero in ns."""
+    """Steps of one drive, `zero` its time zero in ns; there is a panel where there is a step."""
 
     def __init__(self, steps: Sequence[RecordedStep], zero: int, faults: list[Fault]) -> None:
         self.steps, self.faults = steps, faults
