@@ -6,6 +6,7 @@ from functools import cached_property
 from math import isfinite
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, RADAR, RadarSample, Sample
@@ -38,6 +39,16 @@ class Drive:
         return sum(sample.input == name for sample in self.samples)
 
 
+def in_nanoseconds(seconds: float) -> int:
+    """A stamp in ns."""
+    return round(float(seconds) * 1e9)
+
+
+def stamps_of(samples: Iterable[Sample]) -> NDArray[np.int64]:
+    """Stamps (n,) of samples in ns."""
+    return np.array([sample.stamp for sample in samples], np.int64)
+
+
 def streams_of(samples: Iterable[Sample]) -> dict[str, list[Sample]]:
     """Samples by input, each in the order in which they are played."""
     streams: dict[str, list[Sample]] = {}
@@ -63,7 +74,7 @@ def make_drive(name: str, streams: dict[str, list[Sample]]) -> Drive:
 
 def _merge(streams: dict[str, list[Sample]]) -> list[Sample]:
     """All samples by stamp, within each stretch of time between jumps back of all inputs."""
-    stamps = {name: np.array([s.stamp for s in own], np.int64) for name, own in streams.items()}
+    stamps = {name: stamps_of(own) for name, own in streams.items()}
     if all((np.diff(own) >= 0).all() for own in stamps.values()):
         # As nearly every drive is: nothing to be sorted out before it is sorted.
         samples = [sample for own in streams.values() for sample in own]
@@ -145,7 +156,7 @@ def _oddities(streams: dict[str, list[Sample]]) -> Iterable[str]:
         bad = sum(not _finite(sample) for sample in stream)
         if bad:
             yield f"{bad} {name} samples are NaN or infinite and count as no sample"
-        gaps = np.diff(np.array([sample.stamp for sample in stream], np.int64))
+        gaps = np.diff(stamps_of(stream))
         for what, count in (("backward", (gaps < 0).sum()), ("repeated", (gaps == 0).sum())):
             if count:
                 yield f"{count} {name} stamps are {what}"

@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 from math import isfinite, nan
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
-from lfd_replay.drive import LATEST, streams_of
+from lfd_replay.drive import LATEST, stamps_of, streams_of
 
 MEASURED = ("clearance", "relative_velocity", ACCELERATION, HOST_SPEED)
 """The signals that sensors measure and faults act on."""
@@ -233,18 +232,14 @@ class _Effect:
         return value + self._value
 
 
-def _stamps(samples: Iterable[Sample]) -> NDArray[np.int64]:
-    return np.array([sample.stamp for sample in samples], np.int64)
-
-
 def spared_signals(faults: list[Fault], samples: Iterable[Sample], zero: int) -> list[list[str]]:
     """For each fault those of its signals that no sample holds within its time."""
     streams = streams_of(samples)
     scans = streams.get(RADAR, [])
     # Without a lead there is nothing that could be measured wrongly.
     streams[RADAR] = [s for s in scans if isinstance(s, RadarSample) and s.has_target]
-    stamps = {name: _stamps(own) for name, own in streams.items()}
-    every_scan, never = _stamps(scans), _stamps(())
+    stamps = {name: stamps_of(own) for name, own in streams.items()}
+    every_scan, never = stamps_of(scans), stamps_of(())
 
     def is_spared(fault: Fault, signal: str) -> bool:
         at = stamps.get(RADAR if signal in RADAR_SIGNALS else signal, never)

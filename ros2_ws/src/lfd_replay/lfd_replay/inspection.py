@@ -18,6 +18,7 @@ from lfd_mpc.samples import (
     ScalarSample,
 )
 from lfd_mpc.sampling import AHEAD_NS
+from lfd_replay.drive import stamps_of
 from lfd_replay.drive_bag import open_bag
 from lfd_replay.read_drive import is_bag
 
@@ -67,7 +68,7 @@ def inspect_streams(streams: dict[str, list[Sample]]) -> dict:
 
 
 def _inspect(stream: Sequence[Sample]) -> dict:
-    stamps = np.array([sample.stamp for sample in stream], dtype=np.int64)
+    stamps = stamps_of(stream)
     steps = np.diff(stamps)
     forward = steps[steps > 0]
     period = float(np.median(forward)) if len(forward) else None

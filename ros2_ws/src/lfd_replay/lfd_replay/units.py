@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
+from lfd_replay.drive import stamps_of
 
 Array = NDArray[np.float64]
 
@@ -121,7 +122,7 @@ def _radar_changes(stream: Sequence[Sample]) -> tuple[Array, Array]:
     """By what the relative velocity says that the clearance changes, and by what it does, in
     windows of one target (m)."""
     scans = [s for s in stream if isinstance(s, RadarSample) and s.has_target]
-    times = np.array([s.stamp for s in scans], np.int64) * 1e-9
+    times = stamps_of(scans) * 1e-9
     values = np.array([(s.clearance, s.relative_velocity) for s in scans], float).reshape(-1, 2)
     ids = np.array([s.track_id for s in scans], np.int64)
     finite = np.isfinite(values).all(axis=1)
@@ -154,7 +155,7 @@ def _host_changes(streams: dict[str, list[Sample]]) -> tuple[Array, Array]:
 
 def _scalars(stream: Sequence[Sample]) -> tuple[Array, Array]:
     """Times in s, and finite values."""
-    times = np.array([s.stamp for s in stream], np.int64) * 1e-9
+    times = stamps_of(stream) * 1e-9
     values = np.array([s.value for s in stream if not isinstance(s, RadarSample)], float)
     finite = np.isfinite(values)
     return times[finite], values[finite]

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample, ScalarSample
+from lfd_replay.drive import in_nanoseconds
 from lfd_replay.generated.car_following import Truth
 
 Array = NDArray[np.float64]
@@ -136,7 +137,7 @@ class Radar:
         clearance = _quantised(clearance.clip(min=0.0), self.clearance_step)
         velocity = _quantised(velocity, self.velocity_step)
         return [
-            RadarSample(_stamp(t), True, float(c), float(v), track_id=int(i))
+            RadarSample(in_nanoseconds(t), True, float(c), float(v), track_id=int(i))
             for t, c, v, i in zip(times, clearance, velocity, truth.track_id[seen], strict=True)
         ]
 
@@ -204,7 +205,7 @@ class Accelerometer:
                 value += swing * np.where(later > 0, burst, 0.0)
         value += plan.noise
         return [
-            ScalarSample(ACCELERATION, _stamp(t), float(v))
+            ScalarSample(ACCELERATION, in_nanoseconds(t), float(v))
             for t, v in zip(times, value, strict=True)
         ]
 
@@ -249,7 +250,7 @@ class Speedometer:
         turning = np.clip(speed / 2.0, 0.0, 1.0)
         speed += turning * plan.noise
         return [
-            ScalarSample(HOST_SPEED, _stamp(t), float(v))
+            ScalarSample(HOST_SPEED, in_nanoseconds(t), float(v))
             for t, v in zip(times, _quantised(speed.clip(min=0.0), self.step), strict=True)
         ]
 
@@ -330,7 +331,3 @@ def _generator(seed: int, *names: str) -> np.random.Generator:
 
 def _quantised(values: Array, step: float) -> Array:
     return np.round(values / step) * step
-
-
-def _stamp(seconds: float) -> int:
-    return round(float(seconds) * 1e9)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, Sample, ScalarSample
-from lfd_replay.drive import LATEST
+from lfd_replay.drive import LATEST, in_nanoseconds
 from lfd_replay.recordings.lead_selection import HostMotion, LeadSelector, Track
 from lfd_replay.recordings.recorded_messages import Mounting
 
@@ -46,7 +46,7 @@ def read_segment_streams(path: Path, mounting: Mounting) -> dict[str, list[Sampl
     streams: dict[str, list[Sample]] = {
         RADAR: _radar(folder, mounting, speed_time, speed[:, 0]),
         HOST_SPEED: [
-            ScalarSample(HOST_SPEED, _stamp(t), float(v))
+            ScalarSample(HOST_SPEED, in_nanoseconds(t), float(v))
             for t, v in zip(speed_time, speed[:, 0], strict=True)
         ],
         ACCELERATION: [],
@@ -55,7 +55,7 @@ def read_segment_streams(path: Path, mounting: Mounting) -> dict[str, list[Sampl
         time, felt = _log(folder, ACCELEROMETER, 3)
         # Forward, right, down; a sensor in a car is forward, left, up.
         streams[ACCELERATION] = [
-            ScalarSample(ACCELERATION, _stamp(t), mounting.forward(x, -y, -z))
+            ScalarSample(ACCELERATION, in_nanoseconds(t), mounting.forward(x, -y, -z))
             for t, (x, y, z) in zip(time, felt[:, :3].tolist(), strict=True)
         ]
     return streams
@@ -82,7 +82,7 @@ def _radar(folder: Path, mounting: Mounting, speed_time: Array, speed: Array) ->
             float(np.interp(now, speed_time, speed)) if len(speed) else None,
             float(np.interp(now, yaw_time, yaw)) if len(yaw) else None,
         )
-        samples.append(selector.select(_stamp(now), scan, motion.speed, motion.yaw_rate))
+        samples.append(selector.select(in_nanoseconds(now), scan, motion.speed, motion.yaw_rate))
     return samples
 
 
@@ -122,7 +122,3 @@ def _log(folder: Path, names: tuple[str, ...], columns: int) -> tuple[Array, Arr
             "expected"
         )
     return time, value
-
-
-def _stamp(seconds: float) -> int:
-    return round(float(seconds) * 1e9)
