@@ -66,9 +66,8 @@ class Node:
         return made
 
 
-@dataclass
 class Shutdown:
-    reason: str = ""
+    pass
 
 
 @dataclass

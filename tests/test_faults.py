@@ -138,8 +138,9 @@ def test_the_radar_is_at_fault_where_either_signal_is() -> None:
     assert truth_windows(faults, HOST_SPEED) == [(8.0, 9.0)]
 
 
-def flags(*intervals: tuple[float, float], seconds: float = 10.0) -> Timeline:
-    stamps = np.arange(round(seconds * 100)) * 10_000_000
+def flags(*intervals: tuple[float, float]) -> Timeline:
+    """Ten seconds in which every signal is faulty in such intervals (s)."""
+    stamps = np.arange(1000) * 10_000_000
     time = stamps * 1e-9
     states = np.full(len(stamps), State.OK, dtype=np.int8)
     for start, end in intervals:
@@ -184,7 +185,7 @@ def test_a_silence_and_a_fault_of_host_speed_show_in_the_table_alone() -> None:
     assert set(shown(line, faults[:1])) == set(SIGNALS), "not injected, not shown"
 
 
-def through_live(between: dict[int, list], zero: float = 0.0) -> tuple[LiveFaults, list[float]]:
+def through_live(between: dict[int, list]) -> tuple[LiveFaults, list[float]]:
     """Clearances of three seconds under an offset of 4 m; `between`: what else passes before the
     scan of that number."""
     live = LiveFaults(0)
@@ -193,8 +194,8 @@ def through_live(between: dict[int, list], zero: float = 0.0) -> tuple[LiveFault
     for scan in range(60):
         for sample in between.get(scan, []):
             live(sample)
-        live(accel(zero + 0.05 * scan))
-        seen.append(live(radar(zero + 0.05 * scan)).clearance)
+        live(accel(0.05 * scan))
+        seen.append(live(radar(0.05 * scan)).clearance)
     return live, seen
 
 

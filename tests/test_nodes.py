@@ -41,11 +41,11 @@ class Subscriber:
 class SensorRig:
     """Publishes what a car's sensors would, and watches the controller."""
 
-    def __init__(self, graph: Graph, sensor_qos=qos_profile_sensor_data) -> None:
-        self.graph = graph
+    def __init__(self, graph: Graph) -> None:
+        self.graph, qos = graph, qos_profile_sensor_data
         self.node = graph.add(rclpy.create_node("rig", context=graph.context))
-        self.radar = self.node.create_publisher(RadarTarget, "radar/target", sensor_qos)
-        self.imu = self.node.create_publisher(Imu, "vehicle/imu", sensor_qos)
+        self.radar = self.node.create_publisher(RadarTarget, "radar/target", qos)
+        self.imu = self.node.create_publisher(Imu, "vehicle/imu", qos)
         self.horizons = Subscriber(self.node, PredictionHorizon, "mpc/horizon")
         self.commands = Subscriber(self.node, AccelStamped, "mpc/command")
 

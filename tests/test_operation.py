@@ -115,11 +115,11 @@ def statuses(watcher: Watcher) -> dict[str, list]:
     return heard
 
 
-def play_with_diagnostics(graph: Graph, fault: str, seconds: float = 3.0) -> dict[str, list]:
+def play_with_diagnostics(graph: Graph, fault: str) -> dict[str, list]:
     watcher = Watcher(graph, DiagnosticArray, "/diagnostics", 1000)
     graph.add_graph(REPLAY_ARGUMENTS)
     graph.spin_until(lambda: watcher.messages, "first statuses")
-    samples = drive(seconds)
+    samples = drive(3.0)
     if fault:
         samples = FaultInjector(parse_faults([fault]), 0, 0).apply(samples)
     graph.play(samples, 1.0, ["mpc_node", "observer_node", "diagnosis_node"])

@@ -22,8 +22,8 @@ def accel(ms: float, value: float = 0.1) -> ScalarSample:
     return ScalarSample(ACCELERATION, round(ms * MS), value)
 
 
-def speed(ms: float, value: float = 15.0) -> ScalarSample:
-    return ScalarSample(HOST_SPEED, round(ms * MS), value)
+def speed(ms: float) -> ScalarSample:
+    return ScalarSample(HOST_SPEED, round(ms * MS), 15.0)
 
 
 def run(sampler: Sampler, *samples) -> list[StepInputs]:
