@@ -652,6 +652,35 @@ def test_the_end_of_a_drift_that_was_not_found_is_no_offset(
     assert verdict.state == (State.FAULT if fault else State.OK)
 
 
+@pytest.mark.parametrize("size", [4.0, -2.0])
+def test_an_offset_that_begins_with_another_id_is_told_of_as_it_ends(car: Car, size: float) -> None:
+    """It passes for another car that is just as fast, until the clearance jumps back."""
+    start = car.number
+    car.track_id = 2
+    car.drive(4.0, clearance=size)
+    assert not car.faults_since(start)
+    report = car.drive(0.5).report
+    assert report.clearance.state == State.FAULT and report.clearance.kind == Kind.OFFSET
+    assert report.clearance.size == pytest.approx(size, abs=0.3)
+    assert car.drive(1.5).report.clearance.state == State.OK
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
+@pytest.mark.parametrize(
+    ("beside", "velocity", "jump"),
+    [(4.0, 2.0, -4.0), (4.0, 0.0, 4.0), (4.0, 0.0, -2.5), (4.0, 0.0, -6.0)],
+)
+def test_an_offset_of_another_car_does_not_pass_for_the_end_of_one(
+    car: Car, beside: float, velocity: float, jump: float
+) -> None:
+    """Another car is as fast as itself, and its clearance jumps elsewhere."""
+    car.track_id, car.clearance, car.velocity = 2, car.clearance + beside, car.velocity + velocity
+    car.drive(4.0)
+    report = car.drive(4.0, clearance=jump).report
+    assert report.clearance.state == State.FAULT and report.clearance.kind == Kind.OFFSET
+    assert report.clearance.size == pytest.approx(jump, abs=0.4)
+
+
 @pytest.mark.parametrize("off", [2.0, -4.0])
 @pytest.mark.parametrize("later", [3.0, 8.0, 20.0])
 def test_an_offset_that_is_believed_since_another_car_came_ends_when_it_jumps_back(

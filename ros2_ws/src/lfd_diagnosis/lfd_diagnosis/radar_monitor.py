@@ -140,7 +140,10 @@ LEADS_TO_PART = 0.15
 """Share of a jump of the clearance by which it may lead beside where it was before."""
 
 BACK_ON_PATH = 0.2
-"""Share of a jump of the clearance by which it may lead beside the path that was travelled."""
+"""Share of a jump of the clearance by which it may lead beside where it came from."""
+
+UNSEEN = 10.0
+"""Seconds for which a new target may be a former one whose clearance is off."""
 
 ONE_STEP = 1.2
 """Steps of its resolution by which a clearance jumps at least: one step it may take any time."""
@@ -517,7 +520,9 @@ def _suspect(radar, settings, signal, of_clearance, changed):
         elif is_bad(signal) and of_clearance and _leads_back(radar, settings):
             _see_another_part(radar, radar.measured_clearance.value)
         elif is_bad(signal) and of_clearance and _ends_an_unseen_drift(radar, settings):
-            _convict_of_ended_drift(radar, settings)
+            _convict_of_ended(radar, settings, Kind.RAMP)
+        elif is_bad(signal) and of_clearance and _ends_an_unseen_offset(radar, settings):
+            _convict_of_ended(radar, settings, Kind.OFFSET)
         elif is_bad(signal) and ends_the_last(signal):
             signal.ended_size = np.nan
             if of_clearance:
@@ -597,14 +602,24 @@ def _ends_an_unseen_drift(radar, settings):
 
 
 @inner
-def _convict_of_ended_drift(radar, settings):
+def _ends_an_unseen_offset(radar, settings):
+    """Whether the clearance jumps back by what the target lay beside the former one, which was just
+    as fast: an offset ends that began with it, and no other car was seen."""
+    jump, beside = radar.clearance.residual, radar.begun_beside
+    lately = radar.clearance.last_at - radar.begun_at < UNSEEN
+    return settings.same_car and lately and abs(beside + jump) < BACK_ON_PATH * abs(jump)
+
+
+@inner
+def _convict_of_ended(radar, settings, kind):
     """The clearance was off until just now, and is right again."""
     clearance, jump = radar.clearance, radar.clearance.residual
     give_ground(clearance.because, Ground.RESIDUAL, jump, clearance.limit, 0.0)
     rebase(radar.track, clearance, radar.measured_clearance.value, True)
     # It was off by what it jumped back by.
     clearance.residual = -jump
-    _convict(radar, settings, clearance, Kind.RAMP)
+    _convict(radar, settings, clearance, kind)
+    clearance.at_once = True
 
 
 @inner

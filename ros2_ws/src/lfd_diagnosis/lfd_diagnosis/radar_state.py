@@ -118,6 +118,7 @@ RADAR = np.dtype(
         ("unseen", "?"),
         ("followed", "i8"),
         ("begun_at", "f8"),
+        ("begun_beside", "f8"),
         ("period", "f8"),
         ("id", "i8"),
         ("remembered", _SLOT, (REMEMBERED,)),
@@ -139,12 +140,13 @@ RADAR = np.dtype(
 )
 """State of one radar's two signals and of its target; m, m/s and m/s^2.
 
-The target. `id`, seen first at `begun_at` (s), of so many `scans`; other ids' targets are
-`remembered`. `track` is where it is, if that is known (`has_track`), `before` the same as it was at
-`before_at` (s), when the last scan was not yet taken. While it is `unseen` the radar says that it
-sees no lead; `followed`: scans that it was seen in, less what was lost of it. `slow_acceleration`
-and `slower_acceleration`: the lead's through one and two filters, while the relative velocity is
-healthy. `leap`: what jumps and may be another target.
+The target. `id`, seen first at `begun_at` (s), of so many `scans`, so far `begun_beside` (m) the
+one before if it is just as fast, else NaN; other ids' targets are `remembered`. `track` is where it
+is, if that is known (`has_track`), `before` the same as it was at `before_at` (s), when the last
+scan was not yet taken. While it is `unseen` the radar says that it sees no lead; `followed`: scans
+that it was seen in, less what was lost of it. `slow_acceleration` and `slower_acceleration`: the
+lead's through one and two filters, while the relative velocity is healthy. `leap`: what jumps and
+may be another target.
 
 The host. How it accelerates (`host`), its speed (`host_speed`, NaN unless it is believed), and
 whether it surely moves (`host_moves`). `period` (s): between two scans, on average.

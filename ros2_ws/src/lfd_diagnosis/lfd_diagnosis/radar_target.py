@@ -98,8 +98,22 @@ def change_target(radar, at):
 
 
 @inner
+def _beside_former(radar, settings):
+    """How far (m) a scan lies beside a target that is healthy and just as fast; else NaN."""
+    measured = radar.measured_velocity
+    if not radar.has_track or is_radar_faulty(radar):
+        return np.nan
+    if measured.at - min(radar.clearance.last_at, radar.velocity.last_at) > MEMORY:
+        return np.nan
+    if abs(measured.value - radar.track.velocity) > limits_about(radar, settings)[1]:
+        return np.nan
+    return clearance_now(radar) - radar.track.clearance
+
+
+@inner
 def begin_target(radar, settings, track_id):
     """A target that nothing is known of, but for an offset that goes on with it."""
+    radar.begun_beside = _beside_former(radar, settings)
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
     mean = settings.lead_acceleration_mean
     off_clearance = off_velocity = 0.0
