@@ -652,6 +652,31 @@ def test_the_end_of_a_drift_that_was_not_found_is_no_offset(
     assert verdict.state == (State.FAULT if fault else State.OK)
 
 
+@pytest.mark.parametrize(
+    ("rests", "beside", "told"),
+    [(0.0, 0.0, Kind.RAMP), (7.0, 0.0, Kind.RAMP), (0.0, -3.0, Kind.OFFSET)],
+)
+def test_a_drift_that_the_relative_velocity_was_blamed_for_ends(
+    car: Car, rests: float, beside: float, told: Kind
+) -> None:
+    """The clearance drifts as if the relative velocity did; it ends where that led all along."""
+    start, off = car.number, 0.0
+    for k in range(400):
+        off = 0.2 * (0.01 * k) ** 2
+        car.step(clearance=off)
+    for _ in range(round(100 * rests)):
+        off += 0.016
+        car.step(clearance=off)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+    report = car.drive(0.3, clearance=beside).report
+    assert report.clearance.state == State.FAULT and report.clearance.kind == told
+    report = car.drive(2.0, clearance=beside).report
+    state = State.OK if told == Kind.RAMP else State.FAULT
+    assert report.clearance.state == state
+    if told == Kind.RAMP:
+        assert report.relative_velocity.state == State.OK
+
+
 @pytest.mark.parametrize("size", [4.0, -2.0])
 def test_an_offset_that_begins_with_another_id_is_told_of_as_it_ends(car: Car, size: float) -> None:
     """It passes for another car that is just as fast, until the clearance jumps back."""

@@ -143,7 +143,8 @@ BACK_ON_PATH = 0.2
 """Share of a jump of the clearance by which it may lead beside where it came from."""
 
 UNSEEN = 10.0
-"""Seconds for which a new target may be a former one whose clearance is off."""
+"""Seconds for which a new target may be a former one whose clearance is off, or what was believed
+of a relative velocity may be wrong."""
 
 ONE_STEP = 1.2
 """Steps of its resolution by which a clearance jumps at least: one step it may take any time."""
@@ -405,6 +406,7 @@ def _judge(radar, settings, repeated):
         begin_another(radar, settings, radar.id)
         return
     clearance_was_faulty, velocity_was_faulty = clearance.faulty, velocity.faulty
+    _follow_undrifted(radar)
     _judge_signal(radar, settings, clearance, measured_clearance, True, repeated)
     _judge_signal(radar, settings, velocity, measured_velocity, False, repeated)
     _doubt_what_was_taught(radar, settings, age, clearance_was_faulty, velocity_was_faulty)
@@ -520,6 +522,10 @@ def _suspect(radar, settings, signal, of_clearance, changed):
         elif is_bad(signal) and of_clearance and _leads_back(radar, settings):
             _see_another_part(radar, radar.measured_clearance.value)
         elif is_bad(signal) and of_clearance and _ends_an_unseen_drift(radar, settings):
+            _convict_of_ended(radar, settings, Kind.RAMP)
+        elif is_bad(signal) and of_clearance and _ends_a_drift_of_its_own(radar):
+            forgive(radar.velocity)
+            rebase(radar.track, radar.velocity, radar.measured_velocity.value, False)
             _convict_of_ended(radar, settings, Kind.RAMP)
         elif is_bad(signal) and of_clearance and _ends_an_unseen_offset(radar, settings):
             _convict_of_ended(radar, settings, Kind.OFFSET)
@@ -642,6 +648,30 @@ def _ends_a_drift(radar):
 
 
 @inner
+def _ends_a_drift_of_its_own(radar):
+    """Whether the clearance jumps back to where it would be were the relative velocity right, which
+    had been blamed: the clearance's own drift ends."""
+    off = radar.measured_clearance.value - radar.undrifted
+    return _was_blamed(radar) and abs(off) < BACK_ON_PATH * abs(radar.clearance.residual)
+
+
+@inner
+def _was_blamed(radar):
+    """Whether the relative velocity is, or was lately, blamed for a drift."""
+    lately = radar.measured_clearance.at - radar.velocity.faulty_at < UNSEEN
+    return isfinite(radar.undrifted) and lately
+
+
+@inner
+def _follow_undrifted(radar):
+    """The clearance goes as the relative velocity says that was blamed."""
+    velocity, measured = radar.velocity, radar.measured_velocity
+    if measured.new:
+        period = measured.at - velocity.last_at
+        radar.undrifted += 0.5 * (velocity.last + measured.value) * period
+
+
+@inner
 def _trust_both(radar):
     """Both signals are right from now on."""
     clearance, velocity, track = radar.clearance, radar.velocity, radar.track
@@ -693,6 +723,7 @@ def _convict(radar, settings, signal, kind):
     convict(signal, kind, settings.scan_confidence_max)
     signal.coasted = 0.0
     clear_path(radar.path)
+    radar.undrifted = np.nan
 
 
 @inner
@@ -740,9 +771,12 @@ def _explain(radar, settings, difference, limit, reach):
         give_ground(clearance.because, Ground.PATH, difference, limit, 0.0)
         _convict(radar, settings, clearance, drift.kind)
         return
+    # Blamed again, for what goes on.
+    undrifted = radar.undrifted if _was_blamed(radar) else path.clearance - difference
     set_clearance(track, path.clearance, CLEARANCE_STD**2)
     set_velocity(track, path.velocity - drift.error, VELOCITY_STD**2)
     acquit(clearance)
     velocity.residual = drift.error
     give_ground(velocity.because, Ground.PATH, difference, limit, 0.0)
     _convict(radar, settings, velocity, drift.kind)
+    radar.undrifted = undrifted

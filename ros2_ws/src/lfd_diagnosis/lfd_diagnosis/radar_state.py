@@ -132,6 +132,7 @@ RADAR = np.dtype(
         ("beside", "f8"),
         ("agreed_clearance", "f8"),
         ("agreed_path", "f8"),
+        ("undrifted", "f8"),
         ("shifted_at", "f8"),
         ("elsewhere", "f8"),
         ("leap", LEAP),
@@ -156,7 +157,8 @@ each other; `held`: whether one of the two but repeats itself. `beside` (m) is w
 lately lay beside the track. `elsewhere` (m) is how far the part of the car that is seen lies from
 the one that was seen first, `shifted_at` (s) when it last went over to another one behind a faulty
 relative velocity. `agreed_clearance` (m) is what was measured when that began to agree again,
-`agreed_path` (m) the path that it makes since.
+`agreed_path` (m) the path that it makes since. `undrifted` (m) is where the clearance would be were
+it the one that drifts, where the relative velocity is blamed for that.
 """
 
 
@@ -261,6 +263,7 @@ def cut_path(radar):
 def go_over(radar, clearance, variance):
     """The radar sees another part of the same car: the track goes on from there (m, m^2)."""
     radar.elsewhere += clearance - radar.track.clearance
+    radar.undrifted += clearance - radar.track.clearance
     set_clearance(radar.track, clearance, variance)
 
 

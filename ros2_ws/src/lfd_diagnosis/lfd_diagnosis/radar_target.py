@@ -136,7 +136,7 @@ def begin_target(radar, settings, track_id):
     radar.before_at = -np.inf
     radar.id, radar.scans, radar.followed = track_id, 1, 0
     radar.slow_acceleration = radar.slower_acceleration = mean
-    radar.elsewhere = 0.0
+    radar.elsewhere, radar.undrifted = 0.0, np.nan
     # Nothing of another target says that this one's signals are held, or rough.
     radar.held.travelled = 0.0
     begin_to_hold(radar)
