@@ -12,10 +12,12 @@ from std_srvs.srv import Trigger
 from test_live_equals_offline import drive
 
 from lfd_bringup.replay import main_replay
+from lfd_bringup.simulate import main_simulate
 from lfd_diagnosis.decision_node import DecisionNode
 from lfd_diagnosis.silence import CLOCK_LOST
 from lfd_mpc.errors import UserError
 from lfd_mpc.horizon import Mpc
+from lfd_mpc.mpc_node import MpcNode
 from lfd_mpc.node_process import joined
 from lfd_mpc.node_support import PIPELINE_QOS
 from lfd_mpc.samples import ACCELERATION
@@ -296,6 +298,23 @@ def test_a_second_player_in_the_same_domain_is_refused() -> None:
         )
         with pytest.raises(UserError, match="radar/target.*ROS_DOMAIN_ID"):
             pump_until(graph, first, lambda: first.done, "never")
+
+
+@pytest.mark.parametrize("module", ["replay", "simulate"])
+def test_where_a_graph_runs_already_no_other_is_made(module: str, monkeypatch, tmp_path) -> None:
+    """Each node of a second one would mix with the first one, before anything is refused."""
+    monkeypatch.setattr(f"lfd_bringup.{module}.graph_nodes", None)
+    write_drive(make_drive(), tmp_path / "short.mcap")
+    with Graph() as graph:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(graph.domain))
+        graph.add(MpcNode(context=graph.context))
+        with pytest.raises(UserError, match="mpc/horizon.*ROS_DOMAIN_ID"):
+            if module == "simulate":
+                main_simulate(["--lead", "20", "--out", str(tmp_path)])
+            else:
+                with joined([]) as since:
+                    drive_options = ["--drive", str(tmp_path / "short.mcap")]
+                    main_replay([*drive_options, "--out", str(tmp_path)], since)
 
 
 def test_the_launch_file_describes_the_graph() -> None:

@@ -34,7 +34,7 @@ from lfd_replay.drive_bag import refuse_others_bag, replace_folder, write_drive
 from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.lockstep import LockstepError
 from lfd_replay.paths import make_folder, refuse_to_overwrite, share_folder
-from lfd_replay.player import GRAPH_NODES, PlayerNode, played
+from lfd_replay.player import GRAPH_NODES, PlayerNode, played, refuse_others, settle
 from lfd_replay.read_drive import DRIVE_HELP, files_read, read_drive, read_options
 from lfd_replay.score import score, shown, timeline
 from lfd_replay.text_file import write_text
@@ -145,8 +145,12 @@ def main_replay(arguments: list[str], joined: float) -> int:
         recorder = RecorderNode(
             lambda event: console.print(event_line(event, drive.zero), highlight=False)
         )
+        nodes.append(recorder)
+        # Before there is a node that another graph would hear.
+        settle(joined)
+        refuse_others(recorder)
         player = PlayerNode(samples, playing, [*GRAPH_NODES, "recorder"], joined=joined)
-        nodes += [recorder, *graph_nodes(options.profile), player]
+        nodes += [*graph_nodes(options.profile), player]
         for node in nodes:
             executor.add_node(node)
         wall, status = _play_to_the_end(player, executor, recorder, console)

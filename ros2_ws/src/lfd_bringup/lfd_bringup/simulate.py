@@ -40,6 +40,7 @@ from lfd_replay.drive_bag import refuse_others_bag
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
 from lfd_replay.paths import make_folder
+from lfd_replay.player import refuse_others, settle
 from lfd_replay.score import score, shown, timeline
 from lfd_replay.text_file import write_text
 from lfd_vehicle.lead import lead_plan
@@ -117,12 +118,16 @@ def main_simulate(arguments: list[str]) -> int:
     with ros_started(arguments):
         executor = make_executor()
         nodes: list[Node] = []
+        joined = time.monotonic()
         try:
             recorder = RecorderNode(
                 lambda event: console.print(event_line(event, 0), highlight=False),
                 topics=LOOP_TOPICS,
             )
             nodes.append(recorder)
+            # Before there is a node that another graph, or a car, would hear.
+            settle(joined)
+            refuse_others(recorder)
             own = ["-p", f"seed:={options.seed}", "-p", f"model:={options.model}"]
             made, vehicle = loop_nodes(
                 lead_text, ";".join(texts), options.profile, options.rate, own

@@ -69,6 +69,24 @@ def played(faults: list[Fault], options: PlayOptions) -> list[Fault]:
     return [f for f in faults if f.start < end * 1e9 and f.end > options.start * 1e9]
 
 
+def refuse_others(node: Node, own: int = 0) -> None:
+    """Two graphs in one domain would mix. Raises UserError where another one is there.
+
+    `own`: how many publishers each topic has of this graph.
+    """
+    for topic in ("radar/target", "vehicle/imu", "mpc/horizon"):
+        if node.count_publishers(node.resolve_topic_name(topic)) > own:
+            raise UserError(
+                f"something else publishes {topic} here: another replay, graph or car? "
+                "end it, or set another ROS_DOMAIN_ID"
+            )
+
+
+def settle(joined: float) -> None:
+    """Wait until all that is there is discovered; `joined` ROS at that `time.monotonic()`."""
+    time.sleep(max(joined + SETTLE - time.monotonic(), 0.0))
+
+
 class PlayerNode(Node):
     """Publishes samples and /clock. Call `pump` again and again; it says when next."""
 
@@ -149,7 +167,8 @@ class PlayerNode(Node):
         if self.started is None:
             if now - self._joined < SETTLE:
                 return SETTLE - (now - self._joined)
-            self._check_alone()
+            # By now one publisher of each is this graph's own.
+            refuse_others(self, own=1)
             if self._lockstep is not None:
                 self._lockstep.check_reliable(self._outputs.topics)
             self.started = now
@@ -219,15 +238,6 @@ class PlayerNode(Node):
         if now - self._last_beat >= HEARTBEAT and self._last_clock >= 0:
             self._last_beat = now
             self._publish_clock()
-
-    def _check_alone(self) -> None:
-        """Two graphs in one domain would mix. Raises UserError where another one is there."""
-        for topic in ("radar/target", "vehicle/imu", "mpc/horizon"):
-            if self.count_publishers(self.resolve_topic_name(topic)) > 1:
-                raise UserError(
-                    f"something else publishes {topic} here: another replay, graph or car? "
-                    "end it, or set another ROS_DOMAIN_ID"
-                )
 
     def _on_pause(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = not self._paused
