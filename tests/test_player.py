@@ -107,11 +107,12 @@ def test_a_loop_begins_again() -> None:
 def test_steps_get_past_a_gap() -> None:
     samples = [s for s in drive(0.2) if not 50_000_000 < s.stamp < 100_000_000]
     with Graph() as graph:
-        player = graph.add(PlayerNode(samples, PlayOptions(), [], graph.context))
+        zero = samples[0].stamp - 14 * 10**9
+        player = graph.add(PlayerNode(samples, PlayOptions(), [], graph.context, zero=zero))
         pump_until(graph, player, lambda: player.started is not None, "it has begun")
         assert call(graph, player, "pause").success
         said = [call(graph, player, "step").message for _ in range(25)]
-        assert "at 0.07 s of drive time" in said and "at 0.11 s of drive time" in said
+        assert "at 14.07 s of drive time" in said and "at 14.11 s of drive time" in said
         assert player.done
         assert call(graph, player, "step").message == "is at the end"
 

@@ -149,7 +149,8 @@ def main_replay(arguments: list[str], joined: float) -> int:
         # Before there is a node that another graph would hear.
         settle(joined)
         refuse_others(recorder)
-        player = PlayerNode(samples, playing, [*GRAPH_NODES, "recorder"], joined=joined)
+        awaited = [*GRAPH_NODES, "recorder"]
+        player = PlayerNode(samples, playing, awaited, joined=joined, zero=drive.zero)
         nodes += [*graph_nodes(options.profile), player]
         for node in nodes:
             executor.add_node(node)

@@ -115,7 +115,7 @@ def main_play(arguments: list[str]) -> int:
 
     try:
         with ros_started(arguments, LEAVING, INTERRUPTED):
-            player = PlayerNode(samples, playing, wait_for)
+            player = PlayerNode(samples, playing, wait_for, zero=drive.zero)
             executor = make_executor()
             executor.add_node(player)
             wall = play(player, executor, Console(stderr=True))

@@ -97,14 +97,17 @@ class PlayerNode(Node):
         wait_for: Sequence[str],
         context: Context | None = None,
         joined: float | None = None,
+        zero: int | None = None,
     ) -> None:
         """`wait_for`: names of nodes that must have said that they are ready.
 
         `joined`: `time.monotonic()` at which the context's first node was made; default now.
+        `zero`: the drive's time zero in ns; default the first sample's stamp.
         """
         super().__init__("bag_player", context=context)
         self._samples = samples
         self._times = playing_times(samples)
+        self._first = samples[0].stamp - zero if samples and zero is not None else 0
         self._options = options
         self._position = 0
         self._awaited = AwaitedNodes(self, wait_for)
@@ -275,7 +278,7 @@ class PlayerNode(Node):
                 self._pump_lockstep(self._lockstep, time.monotonic())
             else:
                 self._step_free()
-            at = max(self.played, self._reached * 1e-9)
+            at = self._first * 1e-9 + max(self.played, self._reached * 1e-9)
             response.success, response.message = True, f"at {at:.2f} s of drive time"
         return response
 
