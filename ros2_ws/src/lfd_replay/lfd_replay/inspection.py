@@ -151,7 +151,7 @@ def remarks(figures: dict) -> list[str]:
         found.append("no host speed: only the relative velocity is regulated")
     for name, values in figures["inputs"].items():
         for key, text in (
-            ("clock_steps", "steps of the clock over 1 s"),
+            ("clock_steps", "gaps or steps of its clock of over 1 s"),
             ("backward_stamps", "backward stamps"),
             ("repeated_stamps", "repeated stamps"),
         ):
