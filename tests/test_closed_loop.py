@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import subprocess
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -344,7 +345,11 @@ def test_what_is_watched_is_what_was_measured(tmp_path: Path, browser) -> None:
     unseen = [t for t, v in zip(run["time"], run["measured_clearance"], strict=True) if v is None]
     assert unseen and 2.0 < unseen[0] < 2.3 and 2.9 < unseen[-1] < 3.1
     written = browser.execute_script(WRITTEN)
-    ticks = [float(text) for text, _ in written["accelerations"][:4]]
+    texts = [text for text, _ in written["accelerations"]]
+    ticks = [float(text) for text in texts[: texts.index("0 s")]]
+    (step,) = {round(after - before, 6) for before, after in pairwise(ticks)}
+    assert step in (0.5, 1.0, 2.0), "round numbers"
+    assert "2 s" in texts and "2 s" in [text for text, _ in written["lanes"]]
     felt = [value for value in run["measured_acceleration"] if value is not None]
     assert min(ticks) <= min(felt) and max(felt) <= max(ticks)
     assert browser.execute_script("return ticked(-0.01, 1) + ticked(-0.06, 1)") == "0.0-0.1"
@@ -354,6 +359,7 @@ def test_what_is_watched_is_what_was_measured(tmp_path: Path, browser) -> None:
         " [s.nextSibling.textContent.trim(), s.style.backgroundColor])"
     )
     legend = {text.split(",")[0].partition(" (")[0]: colour for text, colour in key}
+    assert legend.pop("while a fault is injected")
     assert {"measured", "driven by", "reconstructed", "true"} == set(legend)
     for name, colour in legend.items():
         numbers = [int(colours[name][k : k + 2], 16) for k in (1, 3, 5)]
