@@ -1,6 +1,7 @@
 """What operators of the graph use: diagnostics, parameters, services, namespaces, layouts."""
 
 import json
+import math
 import subprocess
 import time
 import xml.etree.ElementTree as ElementTree
@@ -439,7 +440,7 @@ def test_two_sources_of_one_input_and_stamps_that_fit_no_other_are_told(graph: G
     said = set()
     number = 0
 
-    def drive_until(words: str, ahead: int) -> None:
+    def drive_until(words: str, ahead: int, felt: float = 0.0) -> None:
         nonlocal number
         deadline = time.monotonic() + 15.0
         while not any(words in message for message in said):
@@ -447,6 +448,7 @@ def test_two_sources_of_one_input_and_stamps_that_fit_no_other_are_told(graph: G
             number += 1
             imu, speed = Imu(), TwistStamped()
             imu.header.stamp = to_time(number * STEP_NS)
+            imu.linear_acceleration.x = felt
             speed.header.stamp = to_time((number + ahead) * STEP_NS)
             imus[0].publish(imu)
             twist.publish(speed)
@@ -454,6 +456,7 @@ def test_two_sources_of_one_input_and_stamps_that_fit_no_other_are_told(graph: G
             said.update(s.message for m in watcher.messages for s in m.status)
 
     drive_until("samples refused in the last second: stamps that fit no other input", 500)
+    drive_until("samples in the last second are no numbers", 0, math.nan)
     drive_until("more than one publisher on /vehicle/imu", 0)
 
 

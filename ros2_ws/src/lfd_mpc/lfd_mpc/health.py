@@ -58,7 +58,7 @@ class StepHealth:
         self._last_wall = 0.0
         self._missed = self._jumps = self._fallbacks = self._misfits = self._refused = 0
         self._missed_before = self._fallbacks_before = self._refused_before = 0
-        self._misfits_before = 0
+        self._bad = self._misfits_before = self._bad_before = 0
         self._refused_because = ""
 
     def step(
@@ -68,11 +68,13 @@ class StepHealth:
         duration: float,
         fallbacks: int = 0,
         misfits: int = 0,
+        bad: int = 0,
     ) -> None:
         """A step of that stamp (ns) was answered at wall time (s) and took `duration` s.
 
         `fallbacks`: how many steps so far were solved anew by another solver; `misfits`: how many
-        samples so far were refused, whose stamps fit no other input.
+        samples so far were refused, whose stamps fit no other input; `bad`: how many were no
+        numbers.
         """
         if self._last_stamp is not None:
             ahead = stamp - self._last_stamp
@@ -81,7 +83,7 @@ class StepHealth:
             else:
                 self._jumps += 1
         self._last_stamp, self._last_wall = stamp, wall
-        self._fallbacks, self._misfits = fallbacks, misfits
+        self._fallbacks, self._misfits, self._bad = fallbacks, misfits, bad
         self._recent.append((wall, duration))
         self._forget(wall)
 
@@ -104,7 +106,9 @@ class StepHealth:
         refused = self._refused - self._refused_before
         self._missed_before, self._fallbacks_before = self._missed, self._fallbacks
         misfits = self._misfits - self._misfits_before
+        bad = self._bad - self._bad_before
         self._refused_before, self._misfits_before = self._refused, self._misfits
+        self._bad_before = self._bad
         age = wall - self._last_wall
         if refused:
             level = Level.WARN
@@ -115,6 +119,9 @@ class StepHealth:
             level, message = Level.STALE, f"no step for {age:.1f} s (limit {SILENT:g} s)"
         elif misfits:
             text = f"{misfits} samples refused in the last second: stamps that fit no other input"
+            level, message = Level.WARN, text
+        elif bad:
+            text = f"{bad} samples in the last second are no numbers: they count as not received"
             level, message = Level.WARN, text
         elif missed:
             level, message = Level.WARN, f"{missed} steps missed in the last second"

@@ -162,6 +162,7 @@ class MpcNode(Node):
                 horizon.solve_time,
                 horizon.fallbacks,
                 horizon.refused_samples,
+                horizon.bad_samples,
             )
             if horizon.restart:
                 self.get_logger().info(
