@@ -677,7 +677,7 @@ def test_a_drift_that_the_relative_velocity_was_blamed_for_ends(
         assert report.relative_velocity.state == State.OK
 
 
-@pytest.mark.parametrize("size", [4.0, -2.0])
+@pytest.mark.parametrize("size", [4.0, -6.0])
 def test_an_offset_that_begins_with_another_id_is_told_of_as_it_ends(car: Car, size: float) -> None:
     """It passes for another car that is just as fast, until the clearance jumps back."""
     start = car.number
@@ -693,7 +693,7 @@ def test_an_offset_that_begins_with_another_id_is_told_of_as_it_ends(car: Car, s
 
 @pytest.mark.parametrize(
     ("beside", "velocity", "jump"),
-    [(4.0, 2.0, -4.0), (4.0, 0.0, 4.0), (4.0, 0.0, -2.5), (4.0, 0.0, -6.0)],
+    [(4.0, 2.0, -4.0), (4.0, 0.0, 4.0), (4.0, 0.0, -2.5), (4.0, 0.0, -6.0), (2.0, 0.0, -2.0)],
 )
 def test_an_offset_of_another_car_does_not_pass_for_the_end_of_one(
     car: Car, beside: float, velocity: float, jump: float
@@ -739,4 +739,29 @@ def test_the_nearest_of_two_coarse_parts_is_no_drift(seed: int, apart: float) ->
             chosen = chosen if parts[chosen] <= parts[1 - chosen] else 1 - chosen
             said, car.track_id = float(parts[chosen]), 5 + chosen
         car.step(clearance_is=said)
+    assert not car.faults_since(start)
+
+
+def test_without_ids_another_car_at_a_light_is_no_fault(standing: Car) -> None:
+    """Where both stand the relative velocity tells no car from another."""
+    standing.track_id = UNKNOWN_TRACK
+    standing.drive(2.0)
+    start = standing.number
+    standing.clearance += 14.0
+    standing.drive(1.0)
+    assert not standing.faults_since(start)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_without_ids_another_car_is_told_though_its_clearance_wanders(seed: int) -> None:
+    """Whether it goes on as it says itself or as the former one did: no sensor is so far off."""
+    car = Car()
+    car.track_id = UNKNOWN_TRACK
+    car.drive(8.0)
+    start = car.number
+    car.clearance, car.velocity = car.clearance + 40.0, 5.0
+    wander, off = np.random.default_rng(seed), 0.0
+    for _ in range(14):
+        off += 0.5 * wander.normal()
+        car.drive(0.01 * SCAN, clearance=off)
     assert not car.faults_since(start)

@@ -21,6 +21,9 @@ in the same scan, by so many deviations, and m/s at least: that much a calm lead
 FAR_STANDING = 12.0
 """m by which something else that stands is another target: it is all equally fast."""
 
+SURELY_FAR = 15.0
+"""m by which it surely is, of a radar that gives no ids: most of its targets begin like that."""
+
 LONGEST = 0.3
 """Seconds after which a target that is as far away is taken for another one, were it in doubt."""
 
@@ -29,6 +32,7 @@ LEAP = np.dtype(
         ("scans", "i8"),
         ("since", "f8"),
         ("far", "?"),
+        ("surely", "?"),
         ("waits", "?"),
         ("clearance", "f8"),
         ("way", "f8"),
@@ -43,8 +47,8 @@ LEAP = np.dtype(
 was measured first, the `way` (m) that the relative velocity makes since, and how far that is
 `beside` the one that was expected; the last scan's `velocity` (m/s) and how far that is `off`.
 
-`far`: no sensor is off by so much and in both signals; `waits`: whether it is in doubt for a
-moment."""
+`far`: no sensor is off by so much and in both signals, `surely` not even if it goes on as the
+former target did; `waits`: whether it is in doubt for a moment."""
 
 
 @inner
@@ -60,13 +64,14 @@ def forget_leap(leap):
 
 
 @inner
-def follow_leap(leap, at, clearance, velocity, jump, off, deviation, stands):
+def follow_leap(leap, at, clearance, velocity, jump, off, deviation, stands, has_id):
     """Take one scan that disagrees: time (s), its clearance (m) and relative velocity (m/s), by how
     much it leaves the former one (m) and is off in velocity (m/s), of which a healthy one deviates
-    by so much; whether it stands."""
+    by so much; whether it stands, and has an id."""
     if not leap.scans:
         far = is_far(jump) and abs(off) > max(MOVED * deviation, LEAST_MOVED)
         leap.since, leap.far = at, far or (stands and abs(jump) > FAR_STANDING)
+        leap.surely = far and abs(jump) > SURELY_FAR and not has_id
         _restart_leap(leap, clearance)
     else:
         period = at - leap.then
@@ -99,7 +104,7 @@ def judge_leap(leap, clearance, noise, resolution, velocity_jumped):
     off_own = abs(clearance - leap.clearance - leap.way)
     off_former = abs(clearance - leap.clearance - leap.way + leap.beside)
     goes_on = off_former < CLEARLY * off_own and (off_own > doubt or not leap.far)
-    if clearance == 0.0 or goes_on:
+    if clearance == 0.0 or (goes_on and not leap.surely):
         # The first scan of a target may lie anywhere: the third tells.
         leap.waits = leap.waits and clearance != 0.0 and leap.scans == 2
         return False
@@ -107,6 +112,7 @@ def judge_leap(leap, clearance, noise, resolution, velocity_jumped):
         return True
     if off_own > doubt:
         _restart_leap(leap, clearance)
-        return False
+        # It wanders about either way: no longer than others are doubted.
+        return leap.far and not leap.waits
     leap.waits = leap.waits and velocity_jumped
     return leap.far and not leap.waits

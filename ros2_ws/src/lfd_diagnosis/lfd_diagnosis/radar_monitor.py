@@ -406,6 +406,7 @@ def _judge(radar, settings, repeated):
         begin_another(radar, settings, radar.id)
         return
     clearance_was_faulty, velocity_was_faulty = clearance.faulty, velocity.faulty
+    radar.taught &= not velocity.faulty
     _follow_undrifted(radar)
     _judge_signal(radar, settings, clearance, measured_clearance, True, repeated)
     _judge_signal(radar, settings, velocity, measured_velocity, False, repeated)
@@ -414,7 +415,7 @@ def _judge(radar, settings, repeated):
         return
     radar.before, radar.before_at = track, measured_clearance.at + measured_clearance.age
     _learn_of_scan(radar, settings, clearance_variance, velocity_variance)
-    _teach_track(radar, settings, age, relative, velocity_was_faulty)
+    _teach_track(radar, settings, age, relative)
     if not whole:
         return
     if not is_radar_faulty(radar):
@@ -460,7 +461,7 @@ def _learn_of_scan(radar, settings, clearance_variance, velocity_variance):
 
 
 @inner
-def _teach_track(radar, settings, age, relative, velocity_was_faulty):
+def _teach_track(radar, settings, age, relative):
     """Correct the track by what is good of a scan of `age` s; `relative`: the lead's acceleration
     less the host's (m/s^2) before that."""
     track, clearance, velocity = radar.track, radar.clearance, radar.velocity
@@ -474,9 +475,10 @@ def _teach_track(radar, settings, age, relative, velocity_was_faulty):
         then = velocity_then(track, age, track.acceleration - radar.host)
         before = track.clearance
         correct_velocity(track, radar.measured_velocity.value - then, velocity.noise.variance)
-        if velocity_was_faulty and clearance.faulty:
+        if not radar.taught and clearance.faulty:
             # The first scan that is believed again.
             move_reference(clearance, track.clearance - before)
+        radar.taught = True
     if takes_clearance and not is_radar_faulty(radar):
         beside = radar.measured_clearance.value - clearance_then(track, age, relative)
         clearance.bias += (beside - clearance.bias) / BIAS_SCANS
@@ -610,10 +612,11 @@ def _ends_an_unseen_drift(radar, settings):
 @inner
 def _ends_an_unseen_offset(radar, settings):
     """Whether the clearance jumps back by what the target lay beside the former one, which was just
-    as fast: an offset ends that began with it, and no other car was seen."""
+    as fast: an offset ends that began with it, and no other car was seen, nor another part."""
     jump, beside = radar.clearance.residual, radar.begun_beside
     lately = radar.clearance.last_at - radar.begun_at < UNSEEN
-    return settings.same_car and lately and abs(beside + jump) < BACK_ON_PATH * abs(jump)
+    farther = settings.same_car and abs(jump) > settings.largest_shift
+    return farther and lately and abs(beside + jump) < BACK_ON_PATH * abs(jump)
 
 
 @inner

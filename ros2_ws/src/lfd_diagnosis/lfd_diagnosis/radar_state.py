@@ -114,6 +114,7 @@ RADAR = np.dtype(
         ("before", LEAD_TRACK),
         ("before_at", "f8"),
         ("has_track", "?"),
+        ("taught", "?"),
         ("scans", "i8"),
         ("unseen", "?"),
         ("followed", "i8"),
@@ -144,10 +145,11 @@ RADAR = np.dtype(
 The target. `id`, seen first at `begun_at` (s), of so many `scans`, so far `begun_beside` (m) the
 one before if it is just as fast, else NaN; other ids' targets are `remembered`. `track` is where it
 is, if that is known (`has_track`), `before` the same as it was at `before_at` (s), when the last
-scan was not yet taken. While it is `unseen` the radar says that it sees no lead; `followed`: scans
-that it was seen in, less what was lost of it. `slow_acceleration` and `slower_acceleration`: the
-lead's through one and two filters, while the relative velocity is healthy. `leap`: what jumps and
-may be another target.
+scan was not yet taken; `taught`: whether the relative velocity has corrected it since it was
+faulty. While it is `unseen` the radar says that it sees no lead; `followed`: scans that it was seen
+in, less what was lost of it. `slow_acceleration` and `slower_acceleration`: the lead's through one
+and two filters, while the relative velocity is healthy. `leap`: what jumps and may be another
+target.
 
 The host. How it accelerates (`host`), its speed (`host_speed`, NaN unless it is believed), and
 whether it surely moves (`host_moves`). `period` (s): between two scans, on average.
@@ -188,7 +190,7 @@ def start_radar(radar, settings):
 @inner
 def start_target(radar, settings):
     """Nothing is seen; what was learnt of the signals stays."""
-    radar.has_track = False
+    radar.has_track, radar.taught = False, True
     radar.before_at = -np.inf
     radar.scans = 0
     radar.unseen = False

@@ -47,8 +47,9 @@ from lfd_diagnosis.travelled_path import skip_path
 from lfd_mpc.compiled import inner
 from lfd_mpc.samples import UNKNOWN_TRACK
 
-STANDS = 0.1
-"""Share of the host's speed by which a relative velocity is off from that of what stands."""
+STANDS, STANDS_STILL = 0.1, 0.5
+"""Share of the host's speed by which a relative velocity is off from that of what stands, and m/s
+where the host stands, too."""
 
 MEMORY = 0.6
 """Seconds for which a target is remembered that is not seen, or under another track id."""
@@ -365,7 +366,9 @@ def look_for_new_target(radar):
         clearance.residual - offset_of(clearance),
         velocity.residual,
         deviation_about(velocity, radar.track.vv),
-        abs(radar.host_speed + measured_velocity.value) < STANDS * radar.host_speed,
+        abs(radar.host_speed + measured_velocity.value)
+        < max(STANDS * radar.host_speed, STANDS_STILL),
+        radar.id != UNKNOWN_TRACK,
     )
     return judge_leap(
         radar.leap,
