@@ -34,6 +34,10 @@ LIKE_IDS = re.compile(r"track|(target|object|obj)_?id", re.IGNORECASE)
 MOST_REPEATED = 0.5
 """Share of rows that may have the time of the row before: a recording may have each row twice."""
 
+NEARLY_ALL, MANY = 0.95, 0.3
+"""Shares of the rows with a range that have no host value, and of those without one that have, from
+which on a table is taken for one with a row per signal. A radar may have no lead for long."""
+
 LONGEST_TEXT = 40
 """Characters of the file's own text that a message repeats: a quoted cell may be a whole file."""
 
@@ -51,7 +55,7 @@ class Table:
         Raises UserError for a file that cannot be read or has no rows.
         """
         self.path = path
-        self._mapping = mapping
+        self.mapping = mapping
         try:
             text = path.read_text(encoding="utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
@@ -114,11 +118,17 @@ class Table:
 
     def has(self, column: str) -> bool:
         """Whether the file has that column, under its own name or a mapped one."""
-        return self._mapping.get(column, column) in self.header
+        return self.mapping.get(column, column) in self.header
+
+    def filled(self, column: str) -> list[bool]:
+        """Which rows have anything in a column; none where the file does not have it."""
+        own = self.mapping.get(column, column)
+        position = self.header.index(own) if own in self.header else len(self.header)
+        return [position < len(row) and bool(row[position].strip()) for row in self._rows]
 
     def column(self, column: str) -> Iterator[float | None]:
         """Numbers of one column, None for a blank. Raises UserError for anything else."""
-        own = self._mapping.get(column, column)
+        own = self.mapping.get(column, column)
         if own not in self.header:
             raise UserError(f"{self.path}: column '{own}' is missing; there are: {self.there}")
         if self.header.count(own) > 1:
@@ -187,7 +197,7 @@ class Table:
                 tracks.append(int(track))
             else:
                 raise UserError(
-                    f"{self.path}: line {line}, column '{self._mapping.get(TRACK, TRACK)}': "
+                    f"{self.path}: line {line}, column '{self.mapping.get(TRACK, TRACK)}': "
                     f"{track:g} is no track id; a whole number of 64 bits is expected"
                 )
         return tracks
@@ -269,7 +279,34 @@ def read_csv_streams(
     for column, name in SCALARS.items():
         if column not in replaced and (column in COLUMNS or table.has(column)):
             streams[name] = scalar_stream(table, column, name)
-    return streams, [*table.remarks, *_unread_ids(table)]
+    return streams, [*table.remarks, *_row_per_signal(table), *_unread_ids(table)]
+
+
+def _row_per_signal(table: Table) -> Iterator[str]:
+    """A table whose rows carry either a range or what the host says of itself.
+
+    Its own blank ranges are empty roads, as in any other: in each of the host's rows.
+    """
+    ranges = table.filled(RANGE)
+    host = [any(row) for row in zip(table.filled(SPEED), table.filled(ACCEL), strict=True)]
+    if not any(host):
+        return
+    blank = [of_host for there, of_host in zip(ranges, host, strict=True) if not there]
+    alone = [not of_host for there, of_host in zip(ranges, host, strict=True) if there]
+    if not alone or sum(alone) < NEARLY_ALL * len(alone) or sum(blank) < MANY * len(blank):
+        return
+    options = [f"--map {name}={column}" for name, column in table.mapping.items()]
+    options += [
+        f"--{option} {table.path}:{table.mapping.get(column, column)}"
+        for option, column in (("accel", ACCEL), ("speed", SPEED))
+        if any(table.filled(column))
+    ]
+    yield (
+        f"a row per signal: {sum(alone)} of {len(alone)} rows with a range have no host value, "
+        f"{sum(blank)} of {len(blank)} without one have, and in each of these the radar counts as "
+        "one that sees no lead; copy the rows without host values into RADAR.csv, then "
+        f"import_drive RADAR.csv {' '.join(options)} -o OUT.mcap"
+    )
 
 
 def _unread_ids(table: Table) -> Iterator[str]:
@@ -309,4 +346,4 @@ def read_csv_as_it_is(
             value = columns[column][row]
             if value is not None:
                 streams[name].append(ScalarSample(name, stamp, value))
-    return streams, [*table.remarks, *_unread_ids(table)]
+    return streams, [*table.remarks, *_row_per_signal(table), *_unread_ids(table)]

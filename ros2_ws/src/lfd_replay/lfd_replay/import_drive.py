@@ -29,19 +29,20 @@ def _file_and_column(text: str) -> tuple[Path, str]:
     return Path(head), column
 
 
-def extra_column(text: str, usual: str) -> tuple[Table, str]:
-    """`FILE[:COLUMN]` as a table and the name of its column.
+def extra_column(text: str, usual: str, time: str = "t_s") -> tuple[Table, str]:
+    """`FILE[:COLUMN]` as a table and the name of its column; `time`: what `t_s` may be called.
 
     Without a column name the usual one is taken, or the only one beside the time.
     """
     path, column = _file_and_column(text)
     table = Table(path, {})
+    time = time if time in table.header else "t_s"
     if not column:
-        others = [name for name in table.header if name != "t_s"]
+        others = [name for name in table.header if name != time]
         column = usual if usual in table.header else others[0] if len(others) == 1 else ""
     if not column:
         raise UserError(f"{path}: which column? name it as {path}:COLUMN; there are: {table.there}")
-    return Table(path, {usual: column}), usual
+    return Table(path, {usual: column, "t_s": time}), usual
 
 
 def join_drive(
@@ -57,7 +58,7 @@ def join_drive(
     streams, remarks = read_as_recorded(recording, options, replaced)
     for column, (text, name) in given.items():
         if text:
-            table, usual = extra_column(text, column)
+            table, usual = extra_column(text, column, options.mapping.get("t_s", "t_s"))
             streams[name] = scalar_stream(table, usual, name)
             remarks += [f"{table.path}: {remark}" for remark in table.remarks]
     return as_read(recording, without_offset(recording, streams, options), remarks)
