@@ -3,15 +3,20 @@
 import json
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RadarSample
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RadarSample, Sample
+from lfd_replay.drive import make_drive, streams_of
+from lfd_replay.drive_bag import write_drive
 from lfd_replay.evaluate import main_evaluate
+from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.generated.generate import generate_drive
 from lfd_replay.import_drive import main_import
 from lfd_replay.inspect import main_inspect
+from lfd_replay.placeholders import placeholders
 from lfd_replay.read_drive import ReadOptions, read_drive
 
 HEADER = "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2"
@@ -88,3 +93,59 @@ def test_other_blanks_are_no_row_per_signal(tmp_path: Path) -> None:
     for what, rows in tables.items():
         path.write_text("\n".join([HEADER, *rows, ""]))
         assert not row_per_signal_warnings(path), what
+
+
+def with_placeholder(value: float, windows: int = 3, speed: float | None = None) -> list[Sample]:
+    """A generated drive whose radar says `value` for 1 s so often, every 5 s from 10 s on;
+    `speed`: what the host says of its speed."""
+
+    def put(sample: Sample) -> Sample:
+        if sample.input == HOST_SPEED and speed is not None:
+            return replace(sample, value=speed)
+        since = (sample.stamp * 1e-9 - 10.0) / 5.0
+        if isinstance(sample, RadarSample) and 0.0 <= since < windows and since % 1.0 < 0.2:
+            return replace(sample, clearance=value, relative_velocity=0.0)
+        return sample
+
+    return [put(sample) for sample in generate_drive("data-1", 1, "esr").samples]
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, 255.0, 204.7, 327.67])
+def test_a_range_that_stands_for_no_lead_is_told_of(tmp_path: Path, capsys, value: float) -> None:
+    samples = with_placeholder(value)
+    (said,) = placeholders(streams_of(samples))
+    assert re.search(rf" 60 of \d+ scans .* exactly {value:g} m, 3 times .* leave .* blank", said)
+    path = tmp_path / "drive.mcap"
+    write_drive(make_drive("drive", streams_of(samples)), path)
+    assert said in read_drive(path).warnings
+    assert main_inspect([str(path)]) == 0
+    assert f"note: {said}" in " ".join(capsys.readouterr().out.split())
+
+
+def test_what_may_be_a_range_is_no_placeholder() -> None:
+    """A fault that stays at a value, a car that is touched at standstill, and a farthest range."""
+    assert not list(placeholders(streams_of(with_placeholder(0.0, windows=2))))
+    near = [
+        replace(s, clearance=min(s.clearance, 4.0)) if isinstance(s, RadarSample) else s
+        for s in with_placeholder(0.0, speed=0.0)
+    ]
+    assert not list(placeholders(streams_of(near)))
+    assert not list(placeholders({}))
+
+
+@pytest.mark.parametrize("sensor", ["esr", "coarse", "gnss"])
+@pytest.mark.parametrize("name", ["data-1", "stop-and-go", "cut-in", "traffic-27", "hilly-03"])
+def test_a_drive_as_it_should_be_has_no_placeholder_nor_has_one_with_a_fault(
+    name: str, sensor: str
+) -> None:
+    drive = generate_drive(name, 2, sensor)
+    assert not drive.warnings
+    for text in ("", "zero:radar@20-40", "zero:clearance@20-40", "offset:clearance=-20@10-50"):
+        samples = FaultInjector(parse_faults([text]), drive.zero, 0).apply(drive.samples)
+        assert not list(placeholders(streams_of(samples))), text
+
+
+def test_the_recorded_drives_are_not_told_of(data: Path) -> None:
+    for name in ("lead", "nearest_in_path"):
+        streams = streams_of(read_drive(data / f"comma2k19_rav4_seg40_{name}.csv").samples)
+        assert not list(placeholders(streams))

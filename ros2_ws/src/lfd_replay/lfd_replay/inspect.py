@@ -13,6 +13,7 @@ from lfd_replay.command_line import print_table
 from lfd_replay.errors import WrongOption, run_command
 from lfd_replay.inspection import bag_topics, inspect_streams, remarks
 from lfd_replay.paths import refuse_to_overwrite
+from lfd_replay.placeholders import placeholders
 from lfd_replay.read_drive import (
     DRIVE_HELP,
     ReadOptions,
@@ -88,7 +89,8 @@ def main_inspect(arguments: list[str]) -> int:
     figures = inspect_streams(streams)
     if problem:
         figures["runs"], figures["missing"] = False, [problem]
-    notes = [*damage, *remarks(figures), *odd_units(streams)] if streams else []
+    oddities = (*odd_units(streams), *placeholders(streams))
+    notes = [*damage, *remarks(figures), *oddities] if streams else []
     result = {
         "drive": str(options.drive),
         **figures,

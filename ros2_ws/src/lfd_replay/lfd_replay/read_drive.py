@@ -15,6 +15,7 @@ from lfd_replay.drive import Drive, make_drive
 from lfd_replay.drive_bag import OPTIONS, Topics, read_bag_streams
 from lfd_replay.drive_csv import read_csv_as_it_is, read_csv_streams
 from lfd_replay.errors import WrongOption
+from lfd_replay.placeholders import placeholders
 from lfd_replay.recordings.can_log import SUFFIXES as CAN_SUFFIXES
 from lfd_replay.recordings.can_log import HostSignals, read_can_streams
 from lfd_replay.recordings.comma2k19 import is_segment, read_segment_streams
@@ -268,7 +269,10 @@ def read_drive(path: Path, options: ReadOptions | None = None) -> Drive:
 def as_read(path: Path, streams: dict[str, list[Sample]], remarks: Iterable[str]) -> Drive:
     """A drive of what was read from a path, and all that there is to warn of. Raises UserError."""
     drive = make_drive(str(path), streams)
-    return replace(drive, warnings=(*remarks, *drive.warnings, *odd_units(streams)))
+    return replace(
+        drive,
+        warnings=(*remarks, *drive.warnings, *odd_units(streams), *placeholders(streams)),
+    )
 
 
 def _neighbours(path: Path) -> str:
