@@ -152,11 +152,13 @@ def test_a_lost_graph_is_a_clear_error_in_lockstep(monkeypatch) -> None:
 
 @pytest.mark.parametrize(
     ("name", "value", "named"),
-    [("lead", "nowhere", "--lead nowhere"), ("faults", "jump:x@1-2", "unknown kind"),
-     ("rate", -1.0, "rate"), ("model", "tricycle", "multi_body")],
+    [("lead", "nowhere", "lead 'nowhere': no file"), ("faults", "jump:x@1-2", ".*unknown kind"),
+     ("rate", -1.0, "parameter rate: -1.0 is out of range; 0.0 to 100.0 is expected"),
+     ("rate", 1e-4, "parameter rate: 0.0001; expected: 0 or 0.001 to 100"),
+     ("model", "tricycle", "parameter model: .*multi_body")],
 )  # fmt: skip
 def test_wrong_parameters_of_the_vehicle_are_refused(name: str, value, named: str) -> None:
-    with Graph() as graph, pytest.raises(UserError, match=named):
+    with Graph() as graph, pytest.raises(UserError, match=f"^vehicle_node: {named}"):
         VehicleNode(graph.context, parameter_overrides=[rclpy.Parameter(name, value=value)])
 
 

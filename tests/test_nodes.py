@@ -1,6 +1,7 @@
 """The published fields, as a subscriber sees them."""
 
 import math
+import re
 
 import pytest
 import rclpy
@@ -141,26 +142,39 @@ def test_nothing_that_a_sensor_says_ends_the_controller(graph: Graph) -> None:
     assert horizon.bad_samples > 0 and horizon.refused_samples > 0
 
 
+NAMES = {MpcNode: "mpc_node", ObserverNode: "observer_node", DiagnosisNode: "diagnosis_node"}
+
+
 @pytest.mark.parametrize(
     ("kind", "argument", "named"),
     [
         (MpcNode, "solver:=nonsense", "nonsense"),
         (MpcNode, "input_weight:=0.0", "positive definite"),
-        (MpcNode, "preview_time:=-1.0", "preview_time"),
+        (
+            MpcNode,
+            "preview_time:=99.0",
+            "mpc_node: parameter preview_time: 99.0 is out of range; 0.0 to 10.0 is expected",
+        ),
+        (
+            MpcNode,
+            "prediction_steps:=999",
+            "mpc_node: parameter prediction_steps: 999 is out of range; 2 to 100 is expected",
+        ),
         (MpcNode, "preview_tiem:=1.0", "preview_tiem"),
         (MpcNode, "preview_time:=soon", "preview_time"),
         (MpcNode, "receipts:=soon", "receipts"),
         (MpcNode, "preview_time:='2.0'", "preview_time"),
         (ObserverNode, "injection_gain:=1.0", "injection_gain"),
-        (ObserverNode, "lags:=[3, 0]", "lags"),
+        (ObserverNode, "lags:=[3, 0]", "observer_node: lags must increase"),
         (DiagnosisNode, "confidence_max:=5", "confidence_max"),
     ],
 )
 def test_a_wrong_parameter_is_refused_by_name(graph, kind, argument: str, named: str) -> None:
     with pytest.raises(UserError) as error:
         graph.add(kind(context=graph.context, cli_args=["--ros-args", "-p", argument]))
-    assert named in str(error.value)
-    assert "\n" not in str(error.value) and not str(error.value).startswith("Value error")
+    said = str(error.value)
+    assert named in said and re.search(rf"^{NAMES[kind]}: |^unknown .* for {NAMES[kind]};", said)
+    assert "\n" not in said and not said.endswith(f": {argument.partition(':')[0]}")
 
 
 def test_a_whole_number_will_do_where_any_number_will(graph: Graph) -> None:

@@ -169,17 +169,17 @@ def test_a_lead_stops_and_does_not_drive_backwards_and_can_be_told() -> None:
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("nowhere", "no file"),
+        ("nowhere", "lead 'nowhere': no file"),
         ("20,-3@5", "is no step"),
         ("20,-3@5-3", "start before"),
         ("20,-13@5-6", "-12 to 12"),
         ("-1", "speed of 0 to 70"),
         ("90", "speed of 0 to 70"),
         ("60,5@0-10", "would reach"),
-        ("braking:-9", "--lead braking:-9: peak -9: -8 to -0.5"),
-        ("braking:nan", "--lead braking:nan: peak nan: -8 to -0.5"),
+        ("braking:-9", "lead 'braking:-9': peak -9: -8 to -0.5"),
+        ("braking:nan", "lead 'braking:nan': peak nan: -8 to -0.5"),
         ("braking:hard", "is no number"),
-        ("data-1:-3", "--lead data-1:-3: a peak belongs"),
+        ("data-1:-3", "lead 'data-1:-3': a peak belongs"),
         ("20,nan@1-2", "is no step"),
     ],
 )

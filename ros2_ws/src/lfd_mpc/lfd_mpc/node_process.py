@@ -158,6 +158,11 @@ def _said(error: Exception) -> str:
     return re.sub(r",? at /\S+:\d+", "", str(error))
 
 
+def refused_value(error: Exception) -> str:
+    """What ROS says of a parameter's value, without the parameter's name once more at the end."""
+    return re.sub(r": \w+$", "", str(error))
+
+
 def _refuse_domain() -> None:
     """The middleware would say it in a page of its own. Raises UserError."""
     text = os.environ.get("ROS_DOMAIN_ID", "")
@@ -181,7 +186,9 @@ def _refused_parameters_told() -> Iterator[None]:
     """UserError for those that ROS itself declares: `use_sim_time`, and quality of service."""
     try:
         yield
-    except (*REFUSED_PARAMETER, InvalidQosOverridesError) as error:
+    except REFUSED_PARAMETER as error:
+        raise UserError(f"parameter: {refused_value(error)}") from error
+    except InvalidQosOverridesError as error:
         raise UserError(f"parameter: {error}") from error
     except RuntimeError as error:
         if not str(error).startswith("Unexpected QoS override"):

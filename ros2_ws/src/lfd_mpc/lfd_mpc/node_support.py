@@ -13,6 +13,7 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -20,7 +21,7 @@ from std_msgs.msg import String
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.health import PERIOD, Health
-from lfd_mpc.node_process import REFUSED_PARAMETER
+from lfd_mpc.node_process import REFUSED_PARAMETER, refused_value
 from lfd_mpc.settings import Settings, as_meant, is_fixed, settings_error, unknown_parameter
 
 READY_TOPIC = "ready"
@@ -51,7 +52,7 @@ def declare_settings(
 
     `apply` takes other settings while the node runs, between two steps, and raises UserError or
     ValueError for those that cannot work; without it every parameter is read-only. Raises
-    UserError naming the parameter for a value that is refused or a name that is unknown.
+    UserError naming node and parameter for a value that is refused or a name that is unknown.
     """
     values = {}
     for name, field in kind.model_fields.items():
@@ -59,7 +60,10 @@ def declare_settings(
         default = list(field.default) if isinstance(field.default, tuple) else field.default
         value = declare(node, name, default, descriptor)
         values[name] = tuple(value) if isinstance(field.default, tuple) else value
-    settings = _checked(kind, values)
+    try:
+        settings = _checked(kind, values)
+    except UserError as error:
+        raise UserError(f"{node.get_name()}: {error}") from error
     _refuse_unknown(node)
     if apply is not None:
         _follow_changes(node, settings, apply)
@@ -69,8 +73,9 @@ def declare_settings(
 def declare(node: Node, name: str, default: Any, descriptor: ParameterDescriptor) -> Any:
     """Declare a parameter and return its value, of the type of `default`.
 
-    Raises UserError naming the parameter for a value that is refused.
+    Raises UserError naming node and parameter for a value that is refused.
     """
+    whose = f"{node.get_name()}: parameter {name}"
     given = node._parameter_overrides.get(name)
     if given is not None:
         value = as_meant(given.value, default)
@@ -78,10 +83,19 @@ def declare(node: Node, name: str, default: Any, descriptor: ParameterDescriptor
     try:
         value = node.declare_parameter(name, default, descriptor).value
     except REFUSED_PARAMETER as error:
-        raise UserError(f"parameter '{name}': {error}") from error
+        raise UserError(f"{whose}: {_refusal(given.value, descriptor, error)}") from error
     if value is None:
-        raise UserError(f"parameter '{name}': no value; expected one such as {default}")
+        raise UserError(f"{whose}: no value; expected one such as {default}")
     return value
+
+
+def _refusal(value: Any, descriptor: ParameterDescriptor, error: Exception) -> str:
+    """Why ROS refuses a parameter's value, and what is expected."""
+    if isinstance(error, InvalidParameterValueException):
+        for limits in (*descriptor.floating_point_range, *descriptor.integer_range):
+            low, high = limits.from_value, limits.to_value
+            return f"{value} is out of range; {low} to {high} is expected"
+    return refused_value(error)
 
 
 def _checked(kind: type[SettingsType], values: dict[str, Any]) -> SettingsType:

@@ -108,7 +108,7 @@ class Lead:
 
 
 def lead_plan(text: str) -> LeadPlan:
-    """What `--lead` says. Raises UserError that names what was wrong and what is accepted."""
+    """A lead as text. Raises UserError that names what was wrong and what is accepted."""
     name, _, peak = text.partition(":")
     if name in NAMES:
         return _generated(text, name, peak)
@@ -117,7 +117,7 @@ def lead_plan(text: str) -> LeadPlan:
     if Path(text).exists():
         return recorded_lead(read_drive(Path(text)))
     raise UserError(
-        f"--lead {text}: no file, no generated lead ({', '.join(NAMES[:8])}, normal-01 to "
+        f"lead '{text}': no file, no generated lead ({', '.join(NAMES[:8])}, normal-01 to "
         f"normal-27), and no steps ({GRAMMAR})"
     )
 
@@ -126,9 +126,9 @@ def _generated(text: str, name: str, peak: str) -> LeadPlan:
     try:
         profile: Profile = lead_profile(name, float(peak) if peak else None)
     except ValueError as error:
-        raise UserError(f"--lead {text}: '{peak}' is no number of m/s^2") from error
+        raise UserError(f"lead '{text}': '{peak}' is no number of m/s^2") from error
     except UserError as error:
-        raise UserError(f"--lead {text}: {error}") from error
+        raise UserError(f"lead '{text}': {error}") from error
     time = np.arange(round(profile.duration / STEP_S)) * STEP_S
     return LeadPlan(
         text,
@@ -144,15 +144,15 @@ def _in_steps(text: str) -> LeadPlan:
     first, *parts = text.split(",")
     speed, steps = float(first), []
     if not 0.0 <= speed <= FASTEST:
-        raise UserError(f"--lead {text}: a speed of 0 to {FASTEST:g} m/s is expected first")
+        raise UserError(f"lead '{text}': a speed of 0 to {FASTEST:g} m/s is expected first")
     for part in parts:
         match = _STEP.fullmatch(part)
         if match is None:
-            raise UserError(f"--lead {text}: '{part}' is no step; expected {GRAMMAR}")
+            raise UserError(f"lead '{text}': '{part}' is no step; expected {GRAMMAR}")
         acceleration, start, end = map(float, match.groups())
         if not (abs(acceleration) <= STRONGEST and 0.0 <= start < end <= LATEST):
             raise UserError(
-                f"--lead {text}: '{part}': an acceleration of -{STRONGEST:g} to {STRONGEST:g} "
+                f"lead '{text}': '{part}': an acceleration of -{STRONGEST:g} to {STRONGEST:g} "
                 f"m/s^2 and times of 0 to {LATEST:g} s, the start before the end, are expected"
             )
         steps.append((acceleration, round(start / STEP_S), round(end / STEP_S)))
@@ -162,7 +162,7 @@ def _in_steps(text: str) -> LeadPlan:
         wanted[start:end] = acceleration
     reached = speed + np.cumsum(wanted) * STEP_S
     if reached.max() > FASTEST:
-        raise UserError(f"--lead {text}: it would reach {reached.max():.0f} of {FASTEST:g} m/s")
+        raise UserError(f"lead '{text}': it would reach {reached.max():.0f} of {FASTEST:g} m/s")
     return LeadPlan(text, speed, wanted, np.zeros(len(wanted)))
 
 
@@ -180,7 +180,7 @@ def recorded_lead(drive: Drive) -> LeadPlan:
     ]
     speeds = [(s.stamp, s.value) for s in drive.samples if s.input == "host_speed"]
     if len(speeds) < 2 or len(scans) < 2:
-        raise UserError(f"--lead {drive.name}: host speed and a lead are needed to know the lead's")
+        raise UserError(f"lead '{drive.name}': host speed and a lead are needed to know the lead's")
     zero = scans[0][0]
     end = min(scans[-1][0], speeds[-1][0])
     time = np.arange(0.0, (end - zero) * 1e-9, STEP_S)
@@ -189,7 +189,7 @@ def recorded_lead(drive: Drive) -> LeadPlan:
     speed = np.interp(time, (stamps - zero) * 1e-9, velocity)
     speed += np.interp(time, (host_stamps - zero) * 1e-9, host)
     if len(time) < 100 or not np.isfinite(speed).all():
-        raise UserError(f"--lead {drive.name}: less than 1 s of a lead with host speed")
+        raise UserError(f"lead '{drive.name}': less than 1 s of a lead with host speed")
     speed = gaussian_filter1d(speed.clip(0.0, FASTEST), SMOOTHED / 2.0 / STEP_S, mode="nearest")
     acceleration = np.gradient(speed, STEP_S).clip(-STRONGEST, STRONGEST)
     return LeadPlan(drive.name, float(speed[0]), acceleration, np.zeros(len(time)))

@@ -89,9 +89,13 @@ class VehicleNode(Node):
         settings = declare_settings(self, VehicleNodeSettings)
         if 0.0 < settings.rate < SLOWEST:
             raise UserError(
-                f"parameter 'rate': {settings.rate:g}; expected: 0 or {SLOWEST:g} to 100"
+                f"vehicle_node: parameter rate: {settings.rate:g}; expected: 0 or {SLOWEST:g} to "
+                "100"
             )
-        scenario = Scenario(lead_plan(settings.lead), tuple(parse_faults([settings.faults])))
+        try:
+            scenario = Scenario(lead_plan(settings.lead), tuple(parse_faults([settings.faults])))
+        except UserError as error:
+            raise UserError(f"vehicle_node: {error}") from error
         self.world = World(scenario, settings, MpcSettings())
         self.total = scenario.lead.duration
         self.error: Exception | None = None
