@@ -47,6 +47,20 @@ def test_only_the_chosen_stretch_is_played() -> None:
 
 
 @pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (PlayOptions(), "3.0 s"),
+        (PlayOptions(duration=9.0), "3.0 s"),
+        (PlayOptions(start=1.0, duration=0.5), "1.0 to 1.5 s of 3.0 s"),
+        (PlayOptions(start=1.0, duration=9.0), "1.0 to 3.0 s of 3.0 s"),
+        (PlayOptions(duration=0.5), "0.0 to 0.5 s of 3.0 s"),
+    ],
+)
+def test_the_stretch_that_is_played_is_said(options: PlayOptions, said: str) -> None:
+    assert options.stretch(make_drive()) == said
+
+
+@pytest.mark.parametrize(
     ("options", "named"),
     [
         (PlayOptions(rate=-1.0), "--rate"),
@@ -221,7 +235,7 @@ def test_a_stall_in_lockstep_that_was_taken_for_silence_is_an_error() -> None:
             play_with_a_stall(graph, 1.0)
 
 
-def test_a_step_that_fails_loses_nothing_of_a_replay(monkeypatch, tmp_path: Path) -> None:
+def test_a_step_that_fails_loses_nothing_of_a_replay(monkeypatch, tmp_path: Path, capfd) -> None:
     def failing(*_) -> float:
         raise LockstepError("lockstep: step at 0.50 s: the controller answered for another")
 
@@ -234,7 +248,9 @@ def test_a_step_that_fails_loses_nothing_of_a_replay(monkeypatch, tmp_path: Path
         assert main_replay(arguments, since) == 1
     assert {path.name for path in out.iterdir()} == {"bag", "report.html", "summary.json"}
     with joined([]) as since:
-        assert main_replay(arguments, since) == 1, "its own bag is replaced"
+        part = ["--start", "1", "--duration", "1"]
+        assert main_replay([*arguments, *part], since) == 1, "its own bag is replaced"
+    assert "short.mcap: 1.0 to 2.0 s of 3.0 s, profile" in capfd.readouterr().out
 
 
 def test_help_names_every_kind_of_drive(capsys) -> None:

@@ -140,7 +140,8 @@ def main_replay(arguments: list[str], joined: float) -> int:
         for fault in faults:
             if fault not in seen:
                 print(f"fault '{fault.text}' lies outside of what is played", file=sys.stderr)
-        console.print(f"replay of {drive.name}: {drive.duration:.1f} s, profile {options.profile}")
+        stretch = playing.stretch(drive)
+        console.print(f"replay of {drive.name}: {stretch}, profile {options.profile}")
         print_injected(faults, console)
         recorder = RecorderNode(
             lambda event: console.print(event_line(event, drive.zero), highlight=False)

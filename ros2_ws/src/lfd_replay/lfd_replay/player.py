@@ -52,6 +52,13 @@ class PlayOptions:
         if not self.duration > 0.0:
             raise UserError(f"--duration {self.duration:g}: a positive number of s is expected")
 
+    def stretch(self, drive: Drive) -> str:
+        """What is played of a drive, in words."""
+        end = min(self.start + self.duration, drive.duration)
+        whole = f"{drive.duration:.1f} s"
+        is_part = self.start > 0.0 or end < drive.duration
+        return f"{self.start:.1f} to {end:.1f} s of {whole}" if is_part else whole
+
 
 def samples_to_play(drive: Drive, faults: list[Fault], options: PlayOptions) -> list[Sample]:
     """The drive's samples with faults applied, cut to the stretch that is played."""
