@@ -54,6 +54,7 @@ from lfd_replay.generated.sensor_models import SENSORS
 from lfd_replay.journal import Journal, Task, run_tasks, workers
 from lfd_replay.make_drive import main_make
 from lfd_replay.offline import OfflineGraph
+from lfd_replay.paper_evaluation import main_paper_evaluation
 from lfd_replay.profiles import graph_settings
 from lfd_replay.score import find_windows
 from ros_support import Graph
@@ -430,6 +431,22 @@ def test_rows_that_there_are_not_are_named(tmp_path: Path, capsys, arguments, na
     *_, last = capsys.readouterr().err.splitlines()
     assert named in last
     assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_of_recorded_drives_that_is_not_there_is_refused_but_for_the_usual_one(
+    tmp_path: Path, monkeypatch, capsys
+) -> None:
+    """A name that is mistyped would cost minutes, and leave the recorded drives out."""
+    monkeypatch.chdir(tmp_path)
+    for command, title in ((main_check, ["healthy"]), (main_paper_evaluation, [])):
+        assert run_command(command, [*title, "--recorded", "nowhere", "--out", "out"]) == 2
+        (said,) = capsys.readouterr().err.splitlines()
+        assert said.startswith("--recorded nowhere: no such folder; ")
+    assert not (tmp_path / "out").exists()
+    monkeypatch.setattr("lfd_replay.check_requirements.rows", few_healthy)
+    usual = ["healthy", "--recorded", "../shared/data", "--out", "out", "--jobs", "1"]
+    assert run_command(main_check, [*usual, "--seeds", "2"]) == 0
+    assert "NOT RUN on the recorded drive: ../shared/data" in capsys.readouterr().err
 
 
 def few_healthy(extent: plan.Extent, recorded: bool) -> list[Row]:

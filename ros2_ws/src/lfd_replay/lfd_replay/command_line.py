@@ -69,6 +69,10 @@ def add_jobs_option(parser: argparse._ActionsContainer) -> None:
     )
 
 
+RECORDED_AT = Path("../shared/data")
+"""Where the recorded drive is unless told; it need not be there."""
+
+
 def parse_campaign(
     parser: argparse.ArgumentParser, arguments: list[str], out: str
 ) -> argparse.Namespace:
@@ -77,13 +81,19 @@ def parse_campaign(
     parser.add_argument(
         "--recorded",
         type=Path,
-        default=Path("../shared/data"),
+        default=RECORDED_AT,
         metavar="FOLDER",
         help="where the recorded drive is (default: %(default)s)",
     )
     add_jobs_option(parser)
     parser.add_argument("--out", type=Path, default=Path(out), help="(default: %(default)s)")
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    if options.recorded != RECORDED_AT and not options.recorded.is_dir():
+        raise UserError(
+            f"--recorded {options.recorded}: no such folder; one with the recorded drive is "
+            f"expected, and only {RECORDED_AT} may be absent"
+        )
+    return options
 
 
 QUIET_S = 30.0
