@@ -54,6 +54,7 @@ from lfd_diagnosis.radar_signal import (
     deviation_about,
     drifts_by,
     ends_the_last,
+    forget_usual,
     forgive,
     is_bad,
     learn_swing,
@@ -86,6 +87,7 @@ from lfd_diagnosis.radar_target import (
     look_for_new_target,
     sort_out_target,
 )
+from lfd_diagnosis.scan_rows import begins_to_tell, is_scan
 from lfd_diagnosis.travelled_path import (
     BEYOND_WINDOW,
     LARGEST_GAP,
@@ -211,8 +213,23 @@ def follow_radar(
         np.nan if horizon.relative_velocity_stale else horizon.measured_relative_velocity,
         horizon.relative_velocity_age,
     )
-    if clearance.new or velocity.new:
+    if (clearance.new or velocity.new) and _is_scan(radar, horizon.track_id):
         _scan(radar, settings, horizon.track_id)
+
+
+@inner
+def _is_scan(radar, track_id):
+    """Whether the radar says something, if only that all is as it was."""
+    clearance, velocity = radar.measured_clearance, radar.measured_velocity
+    same = clearance.value == radar.clearance.last and velocity.value == radar.velocity.last
+    if not (clearance.new and velocity.new):
+        return True
+    scan = is_scan(radar.rows, clearance.at, same and track_id == radar.id)
+    if begins_to_tell(radar.rows):
+        # How smooth it was, and how often the same, was said of rows.
+        forget_usual(radar.clearance)
+        forget_usual(radar.velocity)
+    return scan
 
 
 @inner

@@ -177,8 +177,7 @@ def start_signal(signal, floor, std, lowest, learn):
     signal.floor = floor
     first = max(std, lowest)
     start_noise(signal.noise, first, lowest, 10.0 * first, learn, 400)
-    start_roughness(signal.roughness, 16)
-    start_repetition(signal.repetition, 8)
+    forget_usual(signal)
     signal.leaning = signal.roughest = 0.0
     signal.swung = signal.swings = 0.0
     signal.swings_for = 0
@@ -195,6 +194,13 @@ def start_signal(signal, floor, std, lowest, learn):
     signal.agreeing = 0.0
     restart_signal(signal)
     forgive(signal)
+
+
+@inner
+def forget_usual(signal):
+    """Nothing is known of how rough it is, and how often the same."""
+    start_roughness(signal.roughness, 16)
+    start_repetition(signal.repetition, 8)
 
 
 @inner

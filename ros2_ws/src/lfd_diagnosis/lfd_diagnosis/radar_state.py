@@ -16,6 +16,7 @@ from lfd_diagnosis.radar_signal import (
     restart_signal,
     start_signal,
 )
+from lfd_diagnosis.scan_rows import SCAN_ROWS, restart_scan_rows, start_scan_rows
 from lfd_diagnosis.travelled_path import DRIFT, TRAVELLED_PATH, clear_path, start_path, wander
 from lfd_mpc.compiled import inner
 from lfd_mpc.samples import UNKNOWN_TRACK
@@ -108,6 +109,7 @@ RADAR = np.dtype(
         ("velocity", RADAR_SIGNAL),
         ("measured_clearance", MEASURED),
         ("measured_velocity", MEASURED),
+        ("rows", SCAN_ROWS),
         ("path", TRAVELLED_PATH),
         ("drift", DRIFT),
         ("track", LEAD_TRACK),
@@ -152,7 +154,8 @@ and two filters, while the relative velocity is healthy. `leap`: what jumps and 
 target.
 
 The host. How it accelerates (`host`), its speed (`host_speed`, NaN unless it is believed), and
-whether it surely moves (`host_moves`). `period` (s): between two scans, on average.
+whether it surely moves (`host_moves`). `period` (s): between two scans, on average; `rows` tells a
+row that is one from one that but repeats it.
 
 The clearance against the relative velocity. `path`, which `drift` explains where they contradict
 each other; `held`: whether one of the two but repeats itself. `beside` (m) is what the clearance
@@ -182,6 +185,7 @@ def start_radar(radar, settings):
         LEAST_VELOCITY_STD,
         learn,
     )
+    start_scan_rows(radar.rows)
     start_path(radar.path, learn)
     radar.host_moves, radar.host_speed, radar.period = True, np.nan, FIRST_PERIOD
     start_target(radar, settings)
@@ -204,6 +208,7 @@ def start_target(radar, settings):
     radar.beside = radar.held.beside = 0.0
     radar.held.leapt_to_zero = False
     radar.held.sees_again_at = radar.shifted_at = -np.inf
+    restart_scan_rows(radar.rows)
     clear_path(radar.path)
     forget_leap(radar.leap)
     restart_signal(radar.clearance)

@@ -5,7 +5,7 @@ recordings are.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from lfd_mpc.samples import (
     ScalarSample,
     playing_order,
 )
+from lfd_mpc.settings import STEP_NS
 from lfd_replay.drive import Drive
 from lfd_replay.drive_csv import ACCEL, scalar_stream
 from lfd_replay.evaluation.cases import RECORDED
@@ -37,10 +38,13 @@ DERIVED = "derived"
 class View:
     """Other sensors: the `accelerometer` (the recorded one if empty), and of how many scans one is
     kept, with what was last heard of the others at its time (0: all sensors speak for themselves).
+    `filled`: the table has a row every 10 ms, with what was last heard of all of them, a clearance
+    in steps of 0.1 m.
     """
 
     accelerometer: str = ""
     every: int = 0
+    filled: bool = False
 
 
 VIEWS = {
@@ -51,6 +55,7 @@ VIEWS = {
     "phone, joined at 20 Hz": View(PHONE, 1),
     "phone, joined at 10 Hz": View(PHONE, 2),
     "derived, joined at 10 Hz": View(DERIVED, 2),
+    "filled up to 100 Hz": View(filled=True),
 }
 """By name, among the names of sensor suites."""
 
@@ -73,7 +78,11 @@ def felt_by(view: View, samples: Sequence[Sample], folder: Path) -> list[Sample]
 
 def tabled(view: View, samples: Sequence[Sample]) -> list[Sample]:
     """Samples as a view's table says them."""
-    made = joined(samples, view.every) if view.every else list(samples)
+    made = list(samples)
+    if view.filled:
+        made = filled(samples)
+    elif view.every:
+        made = joined(samples, view.every)
     return _with(made, _derived(made)) if view.accelerometer == DERIVED else made
 
 
@@ -112,3 +121,18 @@ def joined(samples: Sequence[Sample], every: int) -> list[Sample]:
             made += [ScalarSample(name, sample.stamp, value) for name, value in last.items()]
         scans += 1
     return made
+
+
+def filled(samples: Sequence[Sample]) -> list[Sample]:
+    """A table with a row every 10 ms: the last value of everything, whether it is new or not."""
+    made: list[Sample] = []
+    last: dict[str, Sample] = {}
+    stamp = samples[0].stamp
+    for sample in samples:
+        while stamp < sample.stamp:
+            made += [replace(known, stamp=stamp) for known in last.values()]
+            stamp += STEP_NS
+        if isinstance(sample, RadarSample):
+            sample = replace(sample, clearance=round(10.0 * sample.clearance) / 10.0)
+        last[sample.input] = sample
+    return sorted(made, key=playing_order)
