@@ -495,3 +495,23 @@ def test_a_coarse_clearance_that_was_held_is_believed_as_soon(seed: int) -> None
     car.follow_unsteady(3, seed + 50)
     states = [outcome.report.clearance.state for outcome in car.outcomes[start:]]
     assert State.FAULT not in states[60:]
+
+
+@pytest.mark.parametrize("rows", [2, 5])
+def test_an_outlier_in_a_table_that_repeats_each_scan_is_one_outlier(rows: int) -> None:
+    car = Car()
+    car.scan = 5 if rows == 2 else 2
+    start = car.number
+
+    def scan(**faults: float) -> None:
+        for k in range(car.scan * rows):
+            repeats = {"clearance_is": car.seen[0], "relative_velocity_is": car.seen[1]}
+            car.step(**(faults if k < car.scan else repeats))
+
+    for number in range(100):
+        scan(**({"clearance": 4.0} if number == 60 else {}))
+    assert not car.faults_since(start)
+    start = car.number
+    for _ in range(5):
+        scan(clearance=4.0)
+    assert car.faults_since(start) == {"clearance", "radar"}

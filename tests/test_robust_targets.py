@@ -765,3 +765,34 @@ def test_without_ids_another_car_is_told_though_its_clearance_wanders(seed: int)
         off += 0.5 * wander.normal()
         car.drive(0.01 * SCAN, clearance=off)
     assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize(
+    ("track_id", "jump", "faults"),
+    [
+        (UNKNOWN_TRACK, 16.0, set()),
+        (UNKNOWN_TRACK, -16.0, set()),
+        (UNKNOWN_TRACK, 13.0, {"clearance", "radar"}),
+        (1, 16.0, {"clearance", "radar"}),
+    ],
+)
+def test_without_ids_another_car_may_be_just_as_fast(track_id: int, jump: float, faults) -> None:
+    """The lead leaves, and the next one drives far before it: no fault is as large."""
+    car = Car()
+    car.track_id = track_id
+    car.drive(8.0)
+    start = car.number
+    car.clearance += jump
+    car.drive(1.0)
+    assert car.faults_since(start) == faults
+
+
+@pytest.mark.parametrize(("gain", "clearance"), [(1.3, 30.0), (1.3, 90.0), (0.7, 90.0)])
+def test_without_ids_a_gain_of_the_clearance_is_a_fault(gain: float, clearance: float) -> None:
+    car = Car()
+    car.track_id, car.clearance = UNKNOWN_TRACK, clearance
+    car.drive(8.0)
+    start = car.number
+    for _ in range(100):
+        car.step(clearance=(gain - 1.0) * car.clearance)
+    assert car.faults_since(start) == {"clearance", "radar"}

@@ -21,8 +21,9 @@ in the same scan, by so many deviations, and m/s at least: that much a calm lead
 FAR_STANDING = 12.0
 """m by which something else that stands is another target: it is all equally fast."""
 
-SURELY_FAR = 15.0
-"""m by which it surely is, of a radar that gives no ids: most of its targets begin like that."""
+SURELY_FAR, SURELY_SHARE = 15.0, 0.4
+"""m by which it surely is, of a radar that gives no ids, where the relative velocity moves, too; or
+where that is more than such a share of the clearance: most of its targets begin like that."""
 
 LONGEST = 0.3
 """Seconds after which a target that is as far away is taken for another one, were it in doubt."""
@@ -70,8 +71,10 @@ def follow_leap(leap, at, clearance, velocity, jump, off, deviation, stands, has
     by so much; whether it stands, and has an id."""
     if not leap.scans:
         far = is_far(jump) and abs(off) > max(MOVED * deviation, LEAST_MOVED)
-        leap.since, leap.far = at, far or (stands and abs(jump) > FAR_STANDING)
-        leap.surely = far and abs(jump) > SURELY_FAR and not has_id
+        much = abs(jump) > SURELY_SHARE * (clearance - jump)
+        leap.surely = (far or much) and abs(jump) > SURELY_FAR and not has_id
+        leap.since = at
+        leap.far = far or leap.surely or (stands and abs(jump) > FAR_STANDING)
         _restart_leap(leap, clearance)
     else:
         period = at - leap.then

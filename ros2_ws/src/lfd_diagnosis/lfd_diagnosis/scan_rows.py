@@ -12,8 +12,8 @@ from lfd_mpc.compiled import inner
 CHANGES = 16
 """Changes by which it is known how often a radar scans."""
 
-SOON = 0.8
-"""Share of the time between two scans after which the next one may come."""
+SOON = 0.95
+"""Share of the shortest time between two scans after which the next one may come."""
 
 REGULAR, MANY = 1.5, CHANGES // 3
 """Times the shortest time between two changes within which so many of them must lie: what changes
