@@ -497,10 +497,10 @@ def test_a_coarse_clearance_that_was_held_is_believed_as_soon(seed: int) -> None
     assert State.FAULT not in states[60:]
 
 
-@pytest.mark.parametrize("rows", [2, 5])
+@pytest.mark.parametrize("rows", [2, 3])
 def test_an_outlier_in_a_table_that_repeats_each_scan_is_one_outlier(rows: int) -> None:
     car = Car()
-    car.scan = 5 if rows == 2 else 2
+    car.scan = 2
     start = car.number
 
     def scan(**faults: float) -> None:

@@ -4,6 +4,8 @@ Such a row says nothing new. Taken for a scan it would make a clearance that mov
 held, and one outlier like many.
 """
 
+from math import isfinite
+
 import numpy as np
 
 from lfd_diagnosis.healthy_signal import RING, append, at, is_full, start_ring
@@ -15,12 +17,13 @@ CHANGES = 16
 SOON = 0.95
 """Share of the shortest time between two scans after which the next one may come."""
 
-REGULAR, MANY = 1.5, CHANGES // 3
+MESSAGE = 0.045
+"""Seconds after which a row is one of the radar's own messages, though it say the same again: a
+fault must be told by the second one."""
+
+REGULAR, MANY = 1.5, 5
 """Times the shortest time between two changes within which so many of them must lie: what changes
 now and then, as coarse signals do, does not tell."""
-
-LONGEST_GAP = 0.5
-"""Seconds after which a change tells nothing of it."""
 
 SCAN_ROWS = np.dtype(
     [
@@ -29,19 +32,20 @@ SCAN_ROWS = np.dtype(
         ("scanned_at", "f8"),
         ("period", "f8"),
         ("taken", "i8"),
+        ("told", "?"),
     ],
     align=True,
 )
-"""Seconds between the last changes (`gaps`), times (s) of the last one and of the last row that was
-a scan, and the `period` (s) in which no scan follows another, 0 where that is not known; how many
-rows that but repeat were `taken` for scans until then."""
+"""Seconds between the last changes (`gaps`), times (s) of the last one and of the last row that
+was a scan, and the `period` (s) in which no message follows another, 0 where that is not known;
+how many rows that but repeat were `taken` for scans until it was first `told`."""
 
 
 @inner
 def start_scan_rows(rows):
     """Begin with nothing."""
     start_ring(rows.gaps, CHANGES)
-    rows.period, rows.taken = 0.0, 0
+    rows.period, rows.taken, rows.told = 0.0, 0, False
     restart_scan_rows(rows)
 
 
@@ -58,28 +62,27 @@ def is_scan(rows, time, repeats):
         return False
     rows.scanned_at = time
     if repeats:
-        rows.taken += rows.period == 0.0
+        rows.taken += 1
     else:
-        gap = time - rows.changed_at
-        rows.changed_at = time
-        if gap < LONGEST_GAP:
-            append(rows.gaps, gap)
+        if isfinite(rows.changed_at):
+            append(rows.gaps, time - rows.changed_at)
             rows.period = _shortest(rows.gaps)
+        rows.changed_at = time
     return True
 
 
 @inner
 def begins_to_tell(rows):
     """Whether it is known from now on that about every other row, or more, was no scan."""
-    begins = rows.period > 0.0 and rows.taken >= CHANGES
-    if rows.period > 0.0:
-        rows.taken = 0
-    return begins
+    if rows.told or rows.period == 0.0:
+        return False
+    rows.told = True
+    return rows.taken >= CHANGES
 
 
 @inner
 def _shortest(gaps):
-    """Seconds in which no scan follows another, 0 where that is not known."""
+    """Seconds in which no message follows another, 0 where that is not known."""
     if not is_full(gaps):
         return 0.0
     shortest, close = np.inf, 0
@@ -87,4 +90,4 @@ def _shortest(gaps):
         shortest = min(shortest, at(gaps, i))
     for i in range(gaps.count):
         close += at(gaps, i) <= REGULAR * shortest
-    return SOON * shortest if close >= MANY else 0.0
+    return min(SOON * shortest, MESSAGE) if close >= MANY else 0.0
