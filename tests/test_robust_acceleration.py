@@ -825,3 +825,48 @@ def test_what_the_car_did_before_it_lost_its_lead_is_no_change_of_its_own() -> N
     since = len(car.outcomes)
     car.drive(2.0, lead_acceleration=1.7)
     assert "acceleration" not in car.faults_since(since)
+
+
+def drives_like_esp(car: Car, accelerations: np.ndarray, held: range = range(0)) -> None:
+    """With sensors such as a stability control's: an accelerometer that is filtered and comes in
+    steps of 0.1 m/s^2, and a speed that is late and zero below 0.5 m/s. While it is `held`, the
+    accelerometer says what it said at first."""
+    random, felt, speeds, said = np.random.default_rng(4), 0.0, [15.0], 0.0
+    for k, acceleration in enumerate(accelerations):
+        if k % 2 == 0:
+            noise = random.normal(0.0, 0.1) if speeds[-1] else 0.0
+            felt += 0.18 * (acceleration + noise - felt)
+            said = said if k in held else round(10.0 * felt) / 10.0
+        speeds.append(max(speeds[-1] + 0.01 * acceleration, 0.0))
+        late = speeds[max(k - 25, 0)] + random.normal(0.0, 0.02)
+        late = round(20.0 * late) / 20.0 if late >= 0.5 else 0.0
+        car.step(acceleration_is=said, host_speed_is=late)
+
+
+def waves(seconds: float, highest: float) -> np.ndarray:
+    """Accelerations (m/s^2) that come and go."""
+    return highest * np.sin(np.arange(0.0, seconds, 0.01))
+
+
+def stops_and_pulls_away(times: int) -> np.ndarray:
+    """Accelerations (m/s^2) of a car that rests for some seconds each time."""
+    t = np.arange(0.0, 40.0, 0.01)
+    brakes = -1.5 * np.clip(t / 0.8, 0.0, 1.0) * (t < 11.0)
+    once = brakes + 1.1 * np.clip((t - 16.0) / 0.8, 0.0, 1.0) * (t < 28.0)
+    return np.tile(once, times)
+
+
+def test_a_late_speed_that_comes_to_what_was_felt_before_is_no_reason_to_change() -> None:
+    car = Car()
+    drives_like_esp(car, np.concatenate([waves(20.0, 0.9), stops_and_pulls_away(4)]))
+    assert not car.faults_since(0)
+
+
+def test_a_coarse_accelerometer_repeats_itself_after_a_hold_as_before() -> None:
+    car, begin, end = Car(), 6500, 7000
+    drive = [waves(25.1, 0.9), waves(25.1, 0.2), waves(20.0, 0.9), waves(20.0, 0.1)]
+    drives_like_esp(car, np.concatenate(drive), range(begin, end))
+    states = [outcome.report.acceleration.state for outcome in car.outcomes]
+    assert State.FAULT not in states[:begin]
+    assert states[end - 1] == State.FAULT, "found"
+    assert State.FAULT not in states[end + 150 :], "over"

@@ -70,6 +70,7 @@ from lfd_diagnosis.host_speed import (
     came_to_rest,
     follow_speed,
     is_believed,
+    is_coarse,
     is_road_calm,
     is_standing,
     is_usable,
@@ -112,9 +113,9 @@ LEADS_TO_SLOPE = 0.6
 SELDOM = 0.03
 """Seconds between two samples beyond which a speed tells nothing of a bad road."""
 
-HELD_CHANGE, HELD_STEPS = 0.2, 2.5
-"""m/s^2, and steps of its resolution, by which the speed's derivative must change while the
-accelerometer repeats itself."""
+HELD_CHANGE, HELD_STEPS, SPEED_STEPS = 0.2, 2.5, 0.15
+"""m/s^2, steps of its resolution, and of a coarse speed's resolution over the time that its
+derivative is filtered for, by which that must change while the accelerometer repeats itself."""
 
 BRAKED_HARD, BRAKING_FADES, ENDS = 4.0, share_of(0.2), 0.5
 """m/s^2 of braking whose sudden end, as when the car comes to rest, radar and accelerometer tell
@@ -232,9 +233,7 @@ def _follow_samples(monitor, settings, time, value):
         if standing:
             excuse_repetition(monitor.repetition, monitor.faulty)
         same = take_repetition(monitor.repetition, value, not monitor.faulty)
-        unknown = isnan(monitor.derivative_when_held) and is_usable(monitor.speed, settings)
-        if unknown or not same:
-            monitor.derivative_when_held = monitor.speed.derivative
+        _follow_while_held(monitor, settings, same)
     append(monitor.samples, value)
     append(monitor.before_jump, monitor.filtered - monitor.slope)
     # A bad road shakes the wheels, too; a sensor's own noise does not.
@@ -243,6 +242,22 @@ def _follow_samples(monitor, settings, time, value):
     excused = is_standing(monitor.speed) or _is_bad_road(monitor.speed)
     rough = is_rough(monitor.roughness) and (monitor.faulty or not excused)
     monitor.rough_for = monitor.rough_for + STEP_S if rough else 0.0
+
+
+@inner
+def _follow_while_held(monitor, settings, same):
+    """What the speed's derivative was when the accelerometer began to say the `same`.
+
+    A late speed comes to what was felt before: that is no reason to change, its leaving it is.
+    """
+    speed = monitor.speed
+    if not same:
+        monitor.felt_when_held = monitor.taken - monitor.slope
+        monitor.derivative_when_held = speed.derivative
+    elif is_usable(speed, settings):
+        felt, then = monitor.felt_when_held, monitor.derivative_when_held
+        if isnan(then) or abs(speed.derivative - felt) < abs(then - felt):
+            monitor.derivative_when_held = speed.derivative
 
 
 @inner
@@ -310,9 +325,7 @@ def judge_acceleration(
     if frozen and (not monitor.faulty or is_gauged(monitor.kind)):
         _convict_held(monitor, settings, horizon.measured_acceleration)
     elif monitor.faulty:
-        # What was held is, whatever told of it, until it changes.
-        held = repeats(monitor.kind) and monitor.repetition.run >= monitor.repetition.least
-        still = settings.check_repetition and (held or is_frozen(monitor.repetition, True))
+        still = settings.check_repetition and _is_still_held(monitor)
         _requalify(monitor, settings, exceeded or still or frozen or rough)
     elif rough:
         share = rough_share(monitor.roughness)
@@ -355,6 +368,16 @@ def _look_for_hold(monitor, settings, usable, relative_velocity):
         # A car that may stand repeats itself for as long as it stands.
         and (not is_standing(monitor.speed) if usable else should_change)
     )
+
+
+@inner
+def _is_still_held(monitor):
+    """Whether a faulty one says the same again and again: what was held is, whatever told of it,
+    until it changes; a coarse sensor repeats itself then as it did before."""
+    repetition = monitor.repetition
+    # The run that convicted it only grows, and others are shorter.
+    held = repeats(monitor.kind) and repetition.run + 1 >= monitor.because.first
+    return held or is_frozen(repetition, True)
 
 
 @inner
@@ -452,6 +475,9 @@ def _should_have_changed(monitor, settings, usable, relative_velocity):
         # Nothing tells a car that stands but that it nears its lead.
         return not is_believed(speed) and is_nearing(relative_velocity)
     change = max(HELD_CHANGE, HELD_STEPS * resolution_of(monitor.roughness))
+    if is_coarse(speed):
+        # Each of its steps shows in its derivative.
+        change += SPEED_STEPS * resolution_of(speed.roughness) / settings.host_speed_filter_time
     change += allowance_of(monitor, settings)
     if abs(speed.derivative - monitor.derivative_when_held) > change:
         return True

@@ -91,6 +91,7 @@ ACCELERATION = np.dtype(
         ("shaking", "f8"),
         ("repetition", REPETITION),
         ("derivative_when_held", "f8"),
+        ("felt_when_held", "f8"),
         # What they are held against: the host's speed.
         ("speed", HOST_SPEED),
         ("lead_rests_for", "f8"),
@@ -202,7 +203,7 @@ def start_acceleration(monitor, settings):
     start_speed(monitor.speed, learn)
     start_roughness(monitor.roughness, 64)
     start_repetition(monitor.repetition, 8)
-    monitor.derivative_when_held = np.nan
+    monitor.derivative_when_held = monitor.felt_when_held = np.nan
     start_noise(monitor.step_noise, 0.15, 0.03, 1.0, learn, 2000)
     start_noise(monitor.slow_noise, 0.2, 0.05, 1.0, learn, 2000)
     start_noise(monitor.report_noise, max(0.25, settings.lead_report_std), 0.1, 1.0, learn, 2000)

@@ -288,10 +288,15 @@ def hides_by_rounding(speed, settings):
 
 
 @inner
+def is_coarse(speed):
+    """Whether its derivative goes up and down with each of its steps."""
+    return resolution_of(speed.roughness) > COARSE
+
+
+@inner
 def tells_of_bends(speed, settings):
     """Whether its derivative is fine enough to tell a bend of the road by."""
-    fine = resolution_of(speed.roughness) <= COARSE
-    return fine and not _says_the_same(speed, settings)
+    return not (is_coarse(speed) or _says_the_same(speed, settings))
 
 
 @inner
