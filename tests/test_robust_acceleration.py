@@ -870,3 +870,20 @@ def test_a_coarse_accelerometer_repeats_itself_after_a_hold_as_before() -> None:
     assert State.FAULT not in states[:begin]
     assert states[end - 1] == State.FAULT, "found"
     assert State.FAULT not in states[end + 150 :], "over"
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, 1000.0, -1000.0, 100.0])
+def test_what_no_car_does_says_nothing_of_the_host_speed_and_ends_once(
+    car: Car, value: float
+) -> None:
+    car.drive(8.0)
+    start = car.number
+    car.drive(1.0, acceleration_is=value)
+    assert car.delay("acceleration", start) < 0.2
+    assert car.outcomes[-1].report.acceleration.state == State.FAULT
+    assert car.outcomes[-1].reconstruction.acceleration == pytest.approx(0.0, abs=0.2)
+    car.drive(6.0)
+    assert car.faults_since(start) == {"acceleration"}
+    events = [e for o in car.outcomes[start:] for e in o.events if e.signal == "acceleration"]
+    assert sum(event.fault.state == State.FAULT for event in events) == 1
+    assert car.outcomes[start + 200].report.acceleration.state == State.OK

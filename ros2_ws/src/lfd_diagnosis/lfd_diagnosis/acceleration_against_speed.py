@@ -24,6 +24,7 @@ from lfd_diagnosis.acceleration_state import (
     follow_off,
     forget_baseline,
     has_leapt,
+    is_possible,
     newest_sample,
     shaking_left,
     swings_over_bumps,
@@ -465,7 +466,8 @@ def _follow_slope(monitor, settings, off):
         # It jumped again, to another level: what came little by little is the road.
         forget_jump(monitor.jump)
         monitor.another_for = monitor.settled = 0
-    steady = still and measured and stays
+    # What is beyond the possible is no healthy sample and a jump.
+    steady = still and measured and stays and is_possible(monitor)
     monitor.corrected = steady and there
     if steady:
         rate = max(-LARGEST_RATE, min(LARGEST_RATE, change / UNDER_JUMP))

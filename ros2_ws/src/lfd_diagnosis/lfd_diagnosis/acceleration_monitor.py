@@ -29,10 +29,12 @@ from lfd_diagnosis.acceleration_jump import came_at_once, is_measured, restart_j
 from lfd_diagnosis.acceleration_size import DRIFT_TIME, SLOPE_DRIFT, find_size
 from lfd_diagnosis.acceleration_state import (
     BASELINE_DELAY,
+    as_possible,
     follow_shaking,
     forget_baseline,
     forgive_acceleration,
     has_leapt,
+    is_possible,
     lose_samples,
     newest_sample,
     swings_over_bumps,
@@ -147,7 +149,7 @@ def follow_acceleration(monitor, settings, horizon):
         time = now - horizon.host_speed_age
         value = as_measured(horizon.measured_host_speed)
         felt = monitor.acceleration
-        if not monitor.faulty and not isnan(monitor.filtered):
+        if not monitor.faulty and is_possible(monitor):
             felt = monitor.filtered - monitor.slope
         follow_speed(speed, settings, now, time, value, felt, monitor.shaken)
     else:
@@ -159,7 +161,7 @@ def follow_acceleration(monitor, settings, horizon):
         lose_samples(monitor)
     if is_usable(speed, settings):
         monitor.acceleration = speed.derivative
-    elif usable and not monitor.faulty:
+    elif usable and not monitor.faulty and is_possible(monitor):
         ended = came_to_rest(speed) or (monitor.jumped_for and ends_braking(monitor))
         if monitor.jumped_for and swings_over_bumps(monitor):
             # It may be a bump, of which a few samples are no mean, or brakes.
@@ -201,7 +203,9 @@ def _follow_braking(monitor, value):
 
 
 @inner
-def _follow_samples(monitor, settings, time, value):
+def _follow_samples(monitor, settings, time, said):
+    # What is said beyond what is possible is as far off as that, and no other way.
+    value = as_possible(said)
     share = filter_share(settings.host_speed_filter_time)
     period = time - monitor.last_at
     monitor.fresh = is_new(time, monitor.last_at)
@@ -232,7 +236,7 @@ def _follow_samples(monitor, settings, time, value):
         take_roughness(monitor.roughness, time, value, not (monitor.faulty or standing), 0.0)
         if standing:
             excuse_repetition(monitor.repetition, monitor.faulty)
-        same = take_repetition(monitor.repetition, value, not monitor.faulty)
+        same = take_repetition(monitor.repetition, said, not monitor.faulty)
         _follow_while_held(monitor, settings, same)
     append(monitor.samples, value)
     append(monitor.before_jump, monitor.filtered - monitor.slope)

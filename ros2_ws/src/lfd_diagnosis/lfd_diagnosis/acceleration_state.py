@@ -62,6 +62,9 @@ RADAR_GONE = 30
 BEFORE_JUMP = 8
 """Steps by which a jump may be noticed late."""
 
+MOST_POSSIBLE = 30.0
+"""m/s^2 that no car does: what says so tells nothing of the car."""
+
 ACCELERATION = np.dtype(
     [
         ("acceleration", "f8"),
@@ -172,7 +175,9 @@ same while that may have ended at once, and `stops_from` while it comes to rest.
 Samples. `taken`: the newest one that was taken; while newer ones leap from it, since `leapt_at`,
 they are `doubted`; `new_samples` disagree since the confidence in a fault grows. `leap`: the last
 one, `leapt_ago` steps ago, counts for `leapt_for` more. `burst` (m^2/s^4): what single samples lie
-about their mean; `shaking`: their deviation just now, by the `newest` ones.
+about their mean; `shaking`: their deviation just now, by the `newest` ones. `derivative_when_held`:
+the speed's derivative where it was nearest to what was felt when the newest value was first said
+(`felt_when_held`).
 
 Against the host's speed. `jerk_then` and `own_jerk` (m/s^3): felt a moment ago, and now as far as a
 manoeuvre makes it; `lag_product` over `lag_square` is the lag in s, `best_product` over
@@ -323,6 +328,19 @@ def swings_over_bumps(monitor):
 
 
 @inner
+def as_possible(value):
+    """A sample (m/s^2), not beyond what is possible."""
+    return min(max(value, -MOST_POSSIBLE), MOST_POSSIBLE)
+
+
+@inner
+def is_possible(monitor):
+    """Whether the newest sample that was taken may be what the car does; not where there is
+    none."""
+    return abs(monitor.taken) < MOST_POSSIBLE
+
+
+@inner
 def newest_sample(monitor):
-    """The newest measurement in m/s^2, as it is."""
+    """The newest measurement in m/s^2, as far as it is possible."""
     return at(monitor.samples, monitor.samples.count - 1)
