@@ -887,3 +887,36 @@ def test_what_no_car_does_says_nothing_of_the_host_speed_and_ends_once(
     events = [e for o in car.outcomes[start:] for e in o.events if e.signal == "acceleration"]
     assert sum(event.fault.state == State.FAULT for event in events) == 1
     assert car.outcomes[start + 200].report.acceleration.state == State.OK
+
+
+@pytest.mark.parametrize("hardest", [0.4, 1.0, 1.5, 2.5])
+def test_a_car_that_reverses_by_a_speed_without_a_sign_blames_no_accelerometer(
+    standing: Car, hardest: float
+) -> None:
+    start = standing.number
+    ramp = np.clip(np.arange(150) / 40.0, 0.0, 1.0) * np.clip(np.arange(150)[::-1] / 40.0, 0.0, 1.0)
+    for acceleration in hardest * np.concatenate([-ramp, np.zeros(400), ramp, np.zeros(300)]):
+        standing.speed = min(standing.speed + 0.01 * acceleration, 0.0)
+        standing.step(acceleration=acceleration, host_speed=-2.0 * standing.speed)
+    assert not standing.faults_since(start)
+    reasons = " ".join(outcome.report.acceleration.reason for outcome in standing.outcomes[start:])
+    assert ("may reverse" in reasons) == (hardest > 0.5)
+    # It drives off forward.
+    standing.drive_off(3.0)
+    assert not standing.faults_since(start)
+
+
+@pytest.mark.parametrize("offset", [2.0, -2.0, 4.0, -4.0])
+@pytest.mark.parametrize("after", [-1.0, 0.7, 2.0])
+def test_an_offset_while_the_car_drives_off_is_no_reversal(
+    standing: Car, offset: float, after: float
+) -> None:
+    """It is there while the car stands, or it began when the car surely drove forward."""
+    start = standing.number
+    if after < 0.0:
+        standing.drive(-after, acceleration=offset, host_speed_is=0.0)
+    standing.drive_off(max(after, 0.01))
+    for _ in range(30):
+        standing.speed += 0.01
+        standing.step(acceleration=1.0 + offset)
+    assert State.FAULT in {o.report.acceleration.state for o in standing.outcomes[start:]}

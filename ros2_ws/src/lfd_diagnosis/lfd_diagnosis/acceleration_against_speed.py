@@ -8,6 +8,7 @@ from math import isnan
 
 import numpy as np
 
+from lfd_diagnosis.acceleration_direction import follow_reversing
 from lfd_diagnosis.acceleration_jump import (
     follow_difference,
     forget_jump,
@@ -180,9 +181,10 @@ def against_speed(monitor, settings):
         limit = large * learning * step_limit + jerk_allowance
         if abs(least) > limit:
             set_check(check, Ground.HOST_SPEED, least, limit, Kind.OFFSET, monitor.baseline)
+    follow_reversing(monitor)
     if is_exceeded(check):
         monitor.reference = check.reference
-    elif not monitor.confidence:
+    elif not (monitor.confidence or monitor.reverses):
         monitor.reference = np.nan
         healthy = abs(step) < LEAST * step_limit
         _learn(monitor, settings, off, jerk, step if healthy else np.nan, slow_limit)
@@ -192,7 +194,7 @@ def against_speed(monitor, settings):
 def _follow_road(monitor, settings, off):
     """A road that bends is another slope."""
     bend, speed = monitor.bend, monitor.speed
-    told = tells_of_bends(speed, settings) and not monitor.leapt_for
+    told = tells_of_bends(speed, settings) and not (monitor.leapt_for or monitor.reverses)
     steepest = settings.steepest_road if told else 0.0
     bent = follow_bend(
         bend, monitor.jump, off, speed.derivative, monitor.filtered, speed.last, steepest

@@ -25,6 +25,7 @@ from lfd_diagnosis.acceleration_against_speed import (
     slope_after,
     speed_may_be_wrong,
 )
+from lfd_diagnosis.acceleration_direction import follow_direction, may_reverse
 from lfd_diagnosis.acceleration_jump import came_at_once, is_measured, restart_jump
 from lfd_diagnosis.acceleration_size import DRIFT_TIME, SLOPE_DRIFT, find_size
 from lfd_diagnosis.acceleration_state import (
@@ -174,7 +175,9 @@ def follow_acceleration(monitor, settings, horizon):
             monitor.acceleration = at(monitor.before_jump, 0)
     else:
         monitor.acceleration *= HOST_KEEP
-    _follow_braking(monitor, as_measured(horizon.measured_acceleration) if usable else np.nan)
+    heard = usable and is_possible(monitor)
+    _follow_braking(monitor, as_measured(horizon.measured_acceleration) if heard else np.nan)
+    follow_direction(monitor)
 
 
 @inner
@@ -185,6 +188,7 @@ def coast_acceleration(monitor):
     lose_samples(monitor)
     monitor.acceleration *= HOST_KEEP
     _follow_braking(monitor, np.nan)
+    follow_direction(monitor)
     _judge_nothing(monitor, STILL_KNOWN)
     monitor.silent_for += STEP_S
 
@@ -405,7 +409,8 @@ def _is_beyond_doubt(monitor, settings):
         and _newest_disagrees(monitor)
         and _outlasts_a_bump(monitor)
         and not (
-            monitor.check.ground == Ground.HOST_SPEED and speed_may_be_wrong(monitor, settings)
+            monitor.check.ground == Ground.HOST_SPEED
+            and (speed_may_be_wrong(monitor, settings) or may_reverse(monitor))
         )
     )
 

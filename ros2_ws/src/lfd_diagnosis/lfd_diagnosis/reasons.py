@@ -166,6 +166,8 @@ def _acceleration(verdict: Any, evidence: Any, unheard: str) -> str:
     else:
         reason = f"{now}; sample {age * 1000:.0f} ms old"
         reason += _rejected(evidence.acceleration_outliers)
+        if evidence.may_reverse:
+            reason += "; the car may reverse, by a speed without a sign"
     if evidence.speed_faulty:
         reason += f"; host speed is not used: {_words(evidence.speed_because)}"
     if evidence.lead_faulty:

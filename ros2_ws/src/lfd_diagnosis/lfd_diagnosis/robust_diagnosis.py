@@ -4,6 +4,7 @@ from math import isnan
 
 import numpy as np
 
+from lfd_diagnosis.acceleration_direction import may_reverse
 from lfd_diagnosis.acceleration_monitor import (
     coast_acceleration,
     expected_acceleration,
@@ -88,6 +89,7 @@ ROBUST_EVIDENCE = np.dtype(
         ("because", BECAUSE),
         ("acceleration_age", "f8"),
         ("acceleration_outliers", "i8"),
+        ("may_reverse", "?"),
         ("speed_because", BECAUSE),
         ("speed_faulty", "?"),
         ("speed_doubt", "f8"),
@@ -318,6 +320,7 @@ def _judge_acceleration(state, settings, horizon, outcome):
     evidence.check, evidence.because = monitor.check, monitor.because
     evidence.acceleration_age = horizon.acceleration_age
     evidence.acceleration_outliers = monitor.outliers
+    evidence.may_reverse = verdict == State.SUSPECT and may_reverse(monitor)
 
 
 @inner
