@@ -13,7 +13,7 @@ from lfd_diagnosis.host_speed import is_believed, seems_to_stand
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
 
-FASTEST = 5.0
+FASTEST = 3.0
 """m/s that no car reverses by."""
 
 TELLING, TELLING_SHARE = 0.3, 0.5
