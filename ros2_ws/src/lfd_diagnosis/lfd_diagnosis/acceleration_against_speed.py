@@ -184,7 +184,7 @@ def against_speed(monitor, settings):
     follow_reversing(monitor)
     if is_exceeded(check):
         monitor.reference = check.reference
-    elif not (monitor.confidence or monitor.reverses):
+    elif not monitor.confidence:
         monitor.reference = np.nan
         healthy = abs(step) < LEAST * step_limit
         _learn(monitor, settings, off, jerk, step if healthy else np.nan, slow_limit)
