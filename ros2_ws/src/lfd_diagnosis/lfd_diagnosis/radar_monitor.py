@@ -534,38 +534,8 @@ def _suspect(radar, settings, signal, of_clearance, changed):
             if abs(signal.residual) > settings.drift_limit and is_explainable(radar.path):
                 reach = settings.drift_window + BEYOND_WINDOW
                 _explain(radar, settings, signal.residual, signal.limit, reach)
-        elif is_bad(signal) and _came_back_with_the_other(radar, signal, of_clearance):
-            measured = radar.measured_clearance if of_clearance else radar.measured_velocity
-            rebase(radar.track, signal, measured.value, of_clearance)
-            acquit(signal)
-        elif is_bad(signal) and of_clearance and _leads_back(radar, settings):
-            _see_another_part(radar, radar.measured_clearance.value)
-        elif is_bad(signal) and of_clearance and _ends_an_unseen_drift(radar, settings):
-            _convict_of_ended(radar, settings, Kind.RAMP)
-        elif is_bad(signal) and of_clearance and _ends_a_drift_of_its_own(radar):
-            forgive(radar.velocity)
-            rebase(radar.track, radar.velocity, radar.measured_velocity.value, False)
-            _convict_of_ended(radar, settings, Kind.RAMP)
-        elif is_bad(signal) and of_clearance and _ends_an_unseen_offset(radar, settings):
-            _convict_of_ended(radar, settings, Kind.OFFSET)
-        elif is_bad(signal) and ends_the_last(signal):
-            signal.ended_size = np.nan
-            if of_clearance:
-                # What was off was no part of the car.
-                _see_another_part(radar, radar.measured_clearance.value)
-                radar.elsewhere = 0.0
-            else:
-                rebase(radar.track, signal, radar.measured_velocity.value, False)
-                acquit(signal)
-        elif is_bad(signal) and not of_clearance and _ends_a_drift(radar):
-            _trust_both(radar)
-        elif is_bad(signal) and not of_clearance and catches_up(radar, settings):
-            rebase(radar.track, signal, radar.measured_velocity.value, False)
-            acquit(signal)
-        elif is_bad(signal) and not may_be_outliers(signal):
-            give_ground(signal.because, Ground.RESIDUAL, signal.residual, signal.limit, 0.0)
-            _convict(radar, settings, signal, Kind.OFFSET)
-            _take_bias(radar, settings, of_clearance)
+        elif is_bad(signal):
+            _judge_jump(radar, settings, signal, of_clearance)
     elif settings.check_roughness and is_rough(signal.roughness) and not is_bad(signal):
         # A jump is rough, too.
         give_ground(signal.because, Ground.ROUGHNESS, rough_share(signal.roughness), 0.0, 0.0)
@@ -573,6 +543,67 @@ def _suspect(radar, settings, signal, of_clearance, changed):
         _take_bias(radar, settings, of_clearance)
     elif stuck:
         _convict_stuck(radar, settings, signal, of_clearance)
+
+
+@inner
+def _judge_jump(radar, settings, signal, of_clearance):
+    """Whether a signal that jumped out of its limits is wrong since, or right again."""
+    if _came_back_with_the_other(radar, signal, of_clearance):
+        _believe_measured(radar, of_clearance)
+        return
+    if of_clearance:
+        right = _clearance_is_right_again(radar, settings)
+    else:
+        right = _velocity_is_right_again(radar, settings)
+    if not (right or may_be_outliers(signal)):
+        give_ground(signal.because, Ground.RESIDUAL, signal.residual, signal.limit, 0.0)
+        _convict(radar, settings, signal, Kind.OFFSET)
+        _take_bias(radar, settings, of_clearance)
+
+
+@inner
+def _clearance_is_right_again(radar, settings):
+    """Make the clearance the reference again where it jumps back; whether it does."""
+    clearance = radar.clearance
+    if _leads_back(radar, settings):
+        _see_another_part(radar, radar.measured_clearance.value)
+        return True
+    if _ends_unseen(radar, settings):
+        return True
+    if not ends_the_last(clearance):
+        return False
+    clearance.ended_size = np.nan
+    # What was off was no part of the car.
+    _see_another_part(radar, radar.measured_clearance.value)
+    radar.elsewhere = 0.0
+    return True
+
+
+@inner
+def _velocity_is_right_again(radar, settings):
+    """Make the relative velocity the reference again where it jumps back; whether it does."""
+    velocity = radar.velocity
+    if ends_the_last(velocity):
+        velocity.ended_size = np.nan
+        _believe_measured(radar, False)
+    elif _ends_a_drift(radar):
+        _believe_both(radar)
+    elif catches_up(radar, settings):
+        _believe_measured(radar, False)
+    else:
+        return False
+    return True
+
+
+@inner
+def _believe_measured(radar, of_clearance):
+    """One signal is right from now on, and the track where it says."""
+    if of_clearance:
+        rebase(radar.track, radar.clearance, radar.measured_clearance.value, True)
+        acquit(radar.clearance)
+    else:
+        rebase(radar.track, radar.velocity, radar.measured_velocity.value, False)
+        acquit(radar.velocity)
 
 
 @inner
@@ -618,22 +649,32 @@ def _leads_back(radar, settings):
 
 
 @inner
-def _ends_an_unseen_drift(radar, settings):
-    """Whether the clearance jumps back onto the path travelled, which it had left by as much
-    meanwhile: a drift ends that was not found, and the clearance is right again."""
-    jump = radar.clearance.residual
-    off = undone_rise(radar.path, jump)
-    return settings.check_drift and abs(off + jump) < BACK_ON_PATH * abs(jump)
+def _ends_unseen(radar, settings):
+    """Convict a clearance that jumps back from where a fault had put it whose beginning nobody
+    saw; whether it does."""
+    jump, measured = radar.clearance.residual, radar.measured_clearance
+    lately = radar.clearance.last_at - radar.begun_at < UNSEEN
+    farther = settings.same_car and abs(jump) > settings.largest_shift
+    if settings.check_drift and _leads_to(jump, undone_rise(radar.path, jump)):
+        # It had left the path travelled by as much.
+        _convict_of_ended(radar, settings, Kind.RAMP)
+    elif _was_blamed(radar) and _leads_to(jump, measured.value - jump - radar.undrifted):
+        # It is where it would be were the relative velocity right.
+        forgive(radar.velocity)
+        _believe_measured(radar, False)
+        _convict_of_ended(radar, settings, Kind.RAMP)
+    elif farther and lately and _leads_to(jump, radar.begun_beside):
+        # The target began as far beside the former one: it is no other car, nor another part.
+        _convict_of_ended(radar, settings, Kind.OFFSET)
+    else:
+        return False
+    return True
 
 
 @inner
-def _ends_an_unseen_offset(radar, settings):
-    """Whether the clearance jumps back by what the target lay beside the former one, which was just
-    as fast: an offset ends that began with it, and no other car was seen, nor another part."""
-    jump, beside = radar.clearance.residual, radar.begun_beside
-    lately = radar.clearance.last_at - radar.begun_at < UNSEEN
-    farther = settings.same_car and abs(jump) > settings.largest_shift
-    return farther and lately and abs(beside + jump) < BACK_ON_PATH * abs(jump)
+def _leads_to(jump, beside):
+    """Whether a `jump` (m) leads back to what the clearance was `beside` (m) before it."""
+    return abs(beside + jump) < BACK_ON_PATH * abs(jump)
 
 
 @inner
@@ -668,14 +709,6 @@ def _ends_a_drift(radar):
 
 
 @inner
-def _ends_a_drift_of_its_own(radar):
-    """Whether the clearance jumps back to where it would be were the relative velocity right, which
-    had been blamed: the clearance's own drift ends."""
-    off = radar.measured_clearance.value - radar.undrifted
-    return _was_blamed(radar) and abs(off) < BACK_ON_PATH * abs(radar.clearance.residual)
-
-
-@inner
 def _was_blamed(radar):
     """Whether the relative velocity is, or was lately, blamed for a drift."""
     lately = radar.measured_clearance.at - radar.velocity.faulty_at < UNSEEN
@@ -692,13 +725,11 @@ def _follow_undrifted(radar):
 
 
 @inner
-def _trust_both(radar):
+def _believe_both(radar):
     """Both signals are right from now on."""
-    clearance, velocity, track = radar.clearance, radar.velocity, radar.track
-    rebase(track, clearance, radar.measured_clearance.value, True)
-    rebase(track, velocity, radar.measured_velocity.value, False)
-    forgive(clearance)
-    acquit(velocity)
+    forgive(radar.clearance)
+    _believe_measured(radar, True)
+    _believe_measured(radar, False)
     clear_path(radar.path)
 
 
