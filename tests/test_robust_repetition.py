@@ -515,3 +515,32 @@ def test_an_outlier_in_a_table_that_repeats_each_scan_is_one_outlier(rows: int) 
     for _ in range(5):
         scan(clearance=4.0)
     assert car.faults_since(start) == {"clearance", "radar"}
+
+
+@pytest.mark.parametrize("decimals", [2, 3, 12])
+def test_a_line_from_one_car_to_another_is_no_fault(decimals: int) -> None:
+    """A table of 50 rows a second that is interpolated between ten scans of them."""
+    car = Car()
+    car.scan = 2
+    random = np.random.default_rng(4)
+    scans = 0.1 * np.arange(201)
+    velocity = 0.8 * np.sin(0.7 * scans) + random.normal(0.0, 0.02, len(scans))
+    clearance = 30.0 - 0.8 / 0.7 * np.cos(0.7 * scans) + random.normal(0.0, 0.05, len(scans))
+    others = (scans > 8.0) & (scans < 14.0)
+    clearance[others] += 12.0 + 0.4 * (scans[others] - 8.0)
+    velocity[others] += 0.4
+
+    def drive(seconds: float, off: float = 0.0) -> None:
+        for _ in range(round(100 * seconds)):
+            now = 0.01 * (car.number + 1)
+            car.track_id = 1 + int(others[int(10.0 * now + 1e-9)])
+            car.step(
+                clearance_is=round(float(np.interp(now, scans, clearance)), decimals) + off,
+                relative_velocity_is=round(float(np.interp(now, scans, velocity)), decimals),
+            )
+
+    drive(17.0)
+    assert not car.faults_since(0)
+    start = car.number
+    drive(0.2, off=2.0)
+    assert car.faults_since(start) == {"clearance", "radar"}

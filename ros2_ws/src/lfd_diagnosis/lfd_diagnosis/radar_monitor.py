@@ -221,10 +221,10 @@ def follow_radar(
 def _is_scan(radar, track_id):
     """Whether the radar says something, if only that all is as it was."""
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
-    same = clearance.value == radar.clearance.last and velocity.value == radar.velocity.last
     if not (clearance.new and velocity.new):
         return True
-    scan = is_scan(radar.rows, clearance.at, same and track_id == radar.id)
+    same_target = track_id == radar.id
+    scan = is_scan(radar.rows, clearance.at, clearance.value, velocity.value, same_target)
     if begins_to_tell(radar.rows):
         # How smooth it was, and how often the same, was said of rows.
         forget_usual(radar.clearance)

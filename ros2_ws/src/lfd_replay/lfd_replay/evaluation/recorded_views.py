@@ -4,7 +4,7 @@ Its acceleration as others felt or derived it, and everything joined into one ta
 recordings are.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -38,13 +38,55 @@ DERIVED = "derived"
 class View:
     """Other sensors: the `accelerometer` (the recorded one if empty), and of how many scans one is
     kept, with what was last heard of the others at its time (0: all sensors speak for themselves).
-    `filled`: the table has a row every 10 ms, with what was last heard of all of them, a clearance
-    in steps of 0.1 m.
+    `table`: what makes one with a row every 10 ms of them, if anything does.
     """
 
     accelerometer: str = ""
     every: int = 0
-    filled: bool = False
+    table: Callable[[Sequence[Sample]], list[Sample]] | None = None
+
+
+def filled(samples: Sequence[Sample]) -> list[Sample]:
+    """A row every 10 ms: the last value of everything, whether it is new or not, and a clearance in
+    steps of 0.1 m."""
+    made: list[Sample] = []
+    last: dict[str, Sample] = {}
+    stamp = samples[0].stamp
+    for sample in samples:
+        while stamp < sample.stamp:
+            made += [replace(known, stamp=stamp) for known in last.values()]
+            stamp += STEP_NS
+        if isinstance(sample, RadarSample):
+            sample = replace(sample, clearance=round(10.0 * sample.clearance) / 10.0)
+        last[sample.input] = sample
+    return sorted(made, key=playing_order)
+
+
+def interpolated(samples: Sequence[Sample]) -> list[Sample]:
+    """A row every 10 ms, everything on lines from one value to the next, also from one target to
+    another; the target is the one that was last seen."""
+    scans = [s for s in samples if isinstance(s, RadarSample)]
+    stamps = np.array([s.stamp for s in scans])
+    rows = np.arange(stamps[0], stamps[-1], STEP_NS)
+    seen = np.searchsorted(stamps, rows, side="right") - 1
+    lines = {
+        name: np.interp(rows, stamps, [getattr(s, name) for s in scans])
+        for name in ("clearance", "relative_velocity")
+    }
+    made: list[Sample] = [
+        replace(
+            scans[scan],
+            stamp=int(stamp),
+            clearance=float(clearance),
+            relative_velocity=float(velocity),
+        )
+        for scan, stamp, clearance, velocity in zip(seen, rows, *lines.values(), strict=True)
+    ]
+    for name in (ACCELERATION, HOST_SPEED):
+        known = [s for s in samples if s.input == name]
+        values = np.interp(rows, [s.stamp for s in known], [s.value for s in known])
+        made += [ScalarSample(name, int(t), float(v)) for t, v in zip(rows, values, strict=True)]
+    return sorted(made, key=playing_order)
 
 
 VIEWS = {
@@ -55,7 +97,8 @@ VIEWS = {
     "phone, joined at 20 Hz": View(PHONE, 1),
     "phone, joined at 10 Hz": View(PHONE, 2),
     "derived, joined at 10 Hz": View(DERIVED, 2),
-    "filled up to 100 Hz": View(filled=True),
+    "filled up to 100 Hz": View(table=filled),
+    "interpolated to 100 Hz": View(table=interpolated),
 }
 """By name, among the names of sensor suites."""
 
@@ -79,8 +122,8 @@ def felt_by(view: View, samples: Sequence[Sample], folder: Path) -> list[Sample]
 def tabled(view: View, samples: Sequence[Sample]) -> list[Sample]:
     """Samples as a view's table says them."""
     made = list(samples)
-    if view.filled:
-        made = filled(samples)
+    if view.table:
+        made = view.table(samples)
     elif view.every:
         made = joined(samples, view.every)
     return _with(made, _derived(made)) if view.accelerometer == DERIVED else made
@@ -121,18 +164,3 @@ def joined(samples: Sequence[Sample], every: int) -> list[Sample]:
             made += [ScalarSample(name, sample.stamp, value) for name, value in last.items()]
         scans += 1
     return made
-
-
-def filled(samples: Sequence[Sample]) -> list[Sample]:
-    """A table with a row every 10 ms: the last value of everything, whether it is new or not."""
-    made: list[Sample] = []
-    last: dict[str, Sample] = {}
-    stamp = samples[0].stamp
-    for sample in samples:
-        while stamp < sample.stamp:
-            made += [replace(known, stamp=stamp) for known in last.values()]
-            stamp += STEP_NS
-        if isinstance(sample, RadarSample):
-            sample = replace(sample, clearance=round(10.0 * sample.clearance) / 10.0)
-        last[sample.input] = sample
-    return sorted(made, key=playing_order)
