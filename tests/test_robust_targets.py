@@ -334,6 +334,28 @@ def test_a_radar_that_lost_its_lead_for_a_moment_catches_up(
     assert car.faults_since(start) == faulty
 
 
+@pytest.mark.parametrize("seconds", [1.0, 1.6, 2.4])
+def test_a_clearance_far_smoother_than_measured_is_made_of_what_the_radar_knew(
+    car: Car, seconds: float
+) -> None:
+    """It may go on without its lead for two seconds."""
+    car.lead_acceleration = -0.5
+    car.drive(2.0)
+    start, car.lead_acceleration = car.number, 0.6
+    lose_the_lead(car, seconds)
+    assert not car.faults_since(start)
+    car.drive(1.0)
+    assert bool(car.faults_since(start)) == (seconds > 2.0)
+
+
+def test_a_clearance_as_rough_as_measured_is_not_made_of_what_the_radar_knew(car: Car) -> None:
+    car.lead_acceleration = -0.5
+    car.drive(2.0)
+    start, car.lead_acceleration = car.number, 0.6
+    car.drive(1.0, relative_velocity_is=car.velocity)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+
+
 @pytest.mark.parametrize("repeats", [0, 1, 2, 3])
 def test_an_offset_after_a_few_equal_values_is_no_lead_that_was_not_seen(
     car: Car, repeats: int

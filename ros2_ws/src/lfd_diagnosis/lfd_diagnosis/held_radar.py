@@ -77,6 +77,10 @@ UNSEEN_LEAD, UNSEEN_LEAST, UNSEEN_MOST = 2.0, 0.2, 0.5
 seconds for which it does so: what repeats itself for less does so by coincidence, what does for
 longer is calm, coarse, or held."""
 
+COMPUTED, TOO_SMOOTH = 2.0, 2.0
+"""The same at most where the clearance is surely made of what the radar knew, and deviations of its
+noise that it would waver by at least, were it measured."""
+
 ROUNDED, STAMPS_WAVER = 1.5, 0.005
 """Steps of its resolution, and s of the way, by which a clearance may waver that is made of a
 relative velocity."""
@@ -106,6 +110,7 @@ def follow_held_velocity(radar, settings, same):
         if radar.velocity.last_at > radar.held.since:
             radar.held.sees_again_at = velocity.at
             radar.held.unsaid_for = radar.velocity.last_at - radar.held.since
+            radar.held.unseen_for = _unseen_for(radar, radar.held.unsaid_for)
             # For so short a time a lead goes on as it just did, not as in the mean.
             more = radar.held.track.acceleration - radar.held.lead
             radar.held.unsaid = radar.held.changed + more * radar.held.unsaid_for
@@ -135,7 +140,7 @@ def follow_held_velocity(radar, settings, same):
             radar.held.most_at_once, abs(radar.held.off - at(radar.held.off_lately, 0))
         )
         append(radar.held.off_lately, radar.held.off)
-        if _is_refuted(radar, settings):
+        if _is_refuted(radar, settings) and not _may_be_unseen(radar):
             # What it said so far was right.
             begin_to_hold(radar)
 
@@ -154,7 +159,8 @@ def catches_up(radar, settings):
     itself: a radar that lost its target for a moment goes on from what it knew."""
     velocity, lost_for = radar.velocity, radar.held.unsaid_for
     wavers = ONE_SCAN * radar.period
-    for_a_moment = UNSEEN_LEAST - wavers <= lost_for <= UNSEEN_MOST + wavers
+    most = max(UNSEEN_MOST + wavers, radar.held.unseen_for)
+    for_a_moment = UNSEEN_LEAST - wavers <= lost_for <= most
     if not (settings.check_repetition and for_a_moment):
         return False
     # The first scan that is off must be the one that no longer repeats itself.
@@ -171,12 +177,22 @@ def _may_be_unseen(radar):
     """Whether a relative velocity repeats itself for no longer than a radar goes on without its
     target, and the clearance goes just as that says, as if it were made of it."""
     lasts = radar.velocity.last_at - radar.held.since
-    if radar.held.leapt_to_zero or lasts > UNSEEN_MOST + ONE_SCAN * radar.period:
-        return False
-    rounded = ROUNDED * resolution_of(radar.clearance.roughness)
-    wavers = STAMPS_WAVER * abs(radar.measured_velocity.value)
+    return not radar.held.leapt_to_zero and lasts <= _unseen_for(radar, lasts)
+
+
+@inner
+def _unseen_for(radar, lasts):
+    """Seconds for which the radar may have gone on without its target, the clearance just as the
+    relative velocity says that repeats itself since `lasts` s; 0 where it does not go so."""
+    wavers = STAMPS_WAVER * abs(radar.velocity.last)
+    wavers += ROUNDED * resolution_of(radar.clearance.roughness)
     # Without a clearance nothing says so.
-    return 0.0 <= radar.held.most_off - radar.held.least_off <= rounded + wavers
+    if not 0.0 <= radar.held.most_off - radar.held.least_off <= wavers:
+        return 0.0
+    # Were it held, it would not have moved along.
+    moved = abs(radar.velocity.last) * lasts > wavers
+    computed = moved and TOO_SMOOTH * deviation(radar.clearance.noise) > wavers
+    return (COMPUTED if computed else UNSEEN_MOST) + ONE_SCAN * radar.period
 
 
 @inner

@@ -91,6 +91,7 @@ HELD = np.dtype(
         ("sees_again_at", "f8"),
         ("unsaid", "f8"),
         ("unsaid_for", "f8"),
+        ("unseen_for", "f8"),
     ],
     align=True,
 )
@@ -100,7 +101,8 @@ m/s and m/s^2.
 `leapt_to_zero`: whether it began so; `beside` is how far the clearance lay beside the track then,
 `most_at_once` by how much it left the path within a few scans (`off_lately`). `travelled` is the
 path of the relative velocity while the clearance repeats itself. `unsaid` is by how much host and
-lead should have changed one that repeated itself for `unsaid_for` s until `sees_again_at` (s).
+lead should have changed one that repeated itself for `unsaid_for` s until `sees_again_at` (s), of
+which the radar may have been without its target for `unseen_for`.
 """
 
 RADAR = np.dtype(
