@@ -75,6 +75,21 @@ def test_samples_that_jump_for_a_moment_are_outliers(
         assert "4 single outliers" in getattr(car.outcomes[-1].report, signal).reason
 
 
+@pytest.mark.parametrize(
+    ("signal", "evidence"), [("clearance", "prediction residual"), ("acceleration", "host speed")]
+)
+def test_a_reason_names_its_evidence_once(car: Car, signal: str, evidence: str) -> None:
+    start = car.number
+    car.drive(1.0, **{signal: 4.0})
+    verdicts = [getattr(outcome.report, signal) for outcome in car.outcomes[start:]]
+    reasons = [verdict.reason for verdict in verdicts if verdict.state == State.FAULT]
+    assert all(reason.startswith(f"offset by {evidence}: ") for reason in reasons)
+    assert all(reason.count(evidence) == 1 for reason in reasons)
+    # What convicted it is said to the end, and what is so by now only where it is something else.
+    assert "; now" not in reasons[0] and "; now" in reasons[-1]
+    assert reasons[-1].split("; now")[0] == reasons[0]
+
+
 def test_noise_of_one_sensor_is_a_fault_and_a_bad_road_is_none(car: Car) -> None:
     random = Random(2)
     start = car.number

@@ -139,7 +139,7 @@ def _radar_signal(verdict: Any, evidence: Any, radar: Any, filling: str, unit: s
     if evidence.lost:
         long = f" for {evidence.must_agree:g} s" if evidence.must_agree else ""
         return f"{reason}; reference lost: a new target must agree{long}"
-    reason += f"; now {now}"
+    reason += _by_now(words, now)
     if not evidence.tellable:
         return f"{reason}; can no longer be told from a healthy signal"
     if evidence.must_agree:
@@ -147,8 +147,18 @@ def _radar_signal(verdict: Any, evidence: Any, radar: Any, filling: str, unit: s
     return reason
 
 
+def _by_now(convicted: str, now: str) -> str:
+    """What is so by now where that is not what convicted the signal; its evidence is named once."""
+    if now == convicted:
+        return ""
+    name, _, rest = now.partition(": ")
+    return f"; now {rest if convicted.startswith(f'{name}: ') else now}"
+
+
 def _rejected(outliers: int) -> str:
-    return f"; {outliers} single outliers rejected so far" if outliers else ""
+    if not outliers:
+        return ""
+    return f"; {outliers} single outlier{'' if outliers == 1 else 's'} rejected so far"
 
 
 def _acceleration(verdict: Any, evidence: Any, unheard: str) -> str:
@@ -160,7 +170,8 @@ def _acceleration(verdict: Any, evidence: Any, unheard: str) -> str:
     if verdict.state == State.NO_DATA:
         reason = f"transport: {silent(age)}"
     elif verdict.state == State.FAULT:
-        reason = f"{KIND_WORDS[verdict.kind]} by {_words(evidence.because)}; now {now}"
+        words = _words(evidence.because)
+        reason = f"{KIND_WORDS[verdict.kind]} by {words}{_by_now(words, now)}"
     elif verdict.state == State.NOT_READY:
         reason = unheard
     else:
