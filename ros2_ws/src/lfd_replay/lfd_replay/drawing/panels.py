@@ -109,7 +109,7 @@ def label(signal: str) -> str:
 def measured_panel(recording: Recording, signal: str, unit: str) -> Panel:
     """A radar signal as measured and as predicted one horizon before."""
     return Panel(
-        f"{label(signal)} ({unit})",
+        label(signal),
         TIME,
         unit,
         [
@@ -134,7 +134,7 @@ def sensor_panel(recording: Recording, signal: str) -> Panel:
     value = recording.reconstructed(signal)
     off = COVERS * recording.reconstructed(f"{signal}_std")
     return Panel(
-        f"{label(signal)} ({unit})",
+        label(signal),
         TIME,
         unit,
         [
@@ -201,7 +201,7 @@ def confidence_panel(recording: Recording) -> Panel:
         for signal in JUDGED
     ]
     marks.append(Limit(float(recording.verdict("clearance", "confidence_threshold")[0]), DARK))
-    return Panel("confidence (steps)", TIME, "steps", marks, height=0.8)
+    return Panel("confidence", TIME, "steps", marks, height=0.8)
 
 
 def verdict_panel(recording: Recording) -> Panel:

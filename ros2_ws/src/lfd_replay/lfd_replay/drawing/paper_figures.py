@@ -99,13 +99,13 @@ def mpc_figure(key: str, title: str, recording: Recording) -> Figure:
     lead = host + recording.horizon("relative_velocity")
     panels = [
         Panel(
-            "velocities (m/s)",
+            "velocities",
             TIME,
             "m/s",
             [Line("lead", time, lead, SERIES[1]), Line("host", time, host, SERIES[0])],
         ),
         Panel(
-            "acceleration: what the controller wants, and what the driver does (m/s²)",
+            "acceleration: what the controller wants, and what the driver does",
             TIME,
             "m/s²",
             [
@@ -141,7 +141,7 @@ def reconstruction_figure(key: str, title: str, recording: Recording) -> Figure:
     )
     panels = [
         Panel(
-            "relative acceleration (m/s²)",
+            "relative acceleration",
             TIME,
             "m/s²",
             [
@@ -150,7 +150,7 @@ def reconstruction_figure(key: str, title: str, recording: Recording) -> Figure:
             ],
         ),
         Panel(
-            "output error of the observer (m + m/s)",
+            "output error of the observer",
             TIME,
             "m + m/s",
             [Line("output error", time, recording.bank("output_error")[:, 0], DARK, 0.8)],
