@@ -12,13 +12,14 @@ import pytest
 from scipy.signal import savgol_filter, welch
 
 from lfd_diagnosis.verdict import State
+from lfd_mpc.arrays import Array
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR
 from lfd_mpc.settings import STEP_S
 from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluation.cases import RECORDED, load_drive
-from lfd_replay.generated.car_following import Array, Driver
+from lfd_replay.generated.car_following import Driver
 from lfd_replay.generated.generate import drive_truth, generate_drive
 from lfd_replay.generated.lead_profiles import NAMES, NORMAL
 from lfd_replay.generated.sensor_models import SENSORS

@@ -4,10 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_diagnosis.settings import DiagnosisSettings
+from lfd_mpc.arrays import Array
 from lfd_mpc.compiled import entry, inner
 from lfd_mpc.settings import STEP_S
-
-Array = NDArray[np.float64]
 
 
 @inner

@@ -4,18 +4,16 @@ from math import isnan, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lfd_diagnosis.confidence import next_confidence
 from lfd_diagnosis.fault_index import PredictionLimits, is_outside
 from lfd_diagnosis.report_book import BOOK, enter_outcome
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import Kind, State, outcome_kind
+from lfd_mpc.arrays import Array
 from lfd_mpc.compiled import entry, inner
 from lfd_mpc.settings import STEP_S
 from lfd_observer.prediction_store import STORE, follow, predicted_now, push_solution
-
-Array = NDArray[np.float64]
 
 PAPER_EVIDENCE = np.dtype(
     [

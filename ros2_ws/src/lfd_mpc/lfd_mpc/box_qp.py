@@ -12,11 +12,9 @@ from math import isfinite, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_mpc.compiled import borrowing, entry, inner
-
-Array = NDArray[np.float64]
 
 DEFAULT_SOLVER = "active_set"
 PROXQP = "proxqp"

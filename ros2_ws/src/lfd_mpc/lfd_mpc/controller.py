@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_mpc.box_qp import (
     SOLVED,
     BoxProblem,
@@ -17,8 +17,6 @@ from lfd_mpc.box_qp import (
 from lfd_mpc.compiled import borrowing, entry, inner
 from lfd_mpc.prediction_model import build_prediction_model
 from lfd_mpc.settings import STEP_S, MpcSettings
-
-Array = NDArray[np.float64]
 
 
 class ControlModel(NamedTuple):

@@ -7,12 +7,10 @@ moves it by 2 cm. A plan over so short a time sees no lag, no jerk and no limit 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_mpc.box_qp import BoxProblem, box_problem
 from lfd_mpc.settings import MpcSettings
-
-Array = NDArray[np.float64]
 
 STATES = ("error", "relative_velocity", "acceleration", "lead_acceleration", "command")
 """What a plan starts from: clearance less desired clearance (m), m/s, and three times m/s^2; the

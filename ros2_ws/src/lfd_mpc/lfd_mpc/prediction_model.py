@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_mpc.settings import STEP_S, MpcSettings
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_mpc.compiled import borrowing, entry, make_state
 from lfd_mpc.horizon import Horizon
 from lfd_observer.prediction_store import (
@@ -17,8 +18,6 @@ from lfd_observer.prediction_store import (
 )
 from lfd_observer.settings import BankSettings
 from lfd_observer.sliding_mode_observer import OBSERVER, OBSERVERS, observe, observers_common
-
-Array = NDArray[np.float64]
 
 BANK = np.dtype(
     [

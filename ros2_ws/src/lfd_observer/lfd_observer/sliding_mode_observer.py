@@ -6,10 +6,9 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_mpc.compiled import entry, inner
 from lfd_mpc.settings import STEP_S, share_of
-
-Array = NDArray[np.float64]
 
 A = np.array([[0.0, 1.0], [0.0, 0.0]])
 G = np.array([0.0, 1.0])

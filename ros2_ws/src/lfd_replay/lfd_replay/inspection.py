@@ -6,8 +6,8 @@ from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_mpc.samples import (
     ACCELERATION,
     HOST_SPEED,
@@ -21,8 +21,6 @@ from lfd_mpc.sampling import AHEAD_NS
 from lfd_replay.drive import stamps_of
 from lfd_replay.drive_bag import open_bag
 from lfd_replay.read_drive import is_bag
-
-Array = NDArray[np.float64]
 
 GAP_PERIODS = 5
 """A gap is longer than so many of an input's own periods."""

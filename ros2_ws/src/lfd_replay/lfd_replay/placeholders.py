@@ -9,10 +9,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_mpc.samples import HOST_SPEED, RADAR, RadarSample, Sample, ScalarSample
 from lfd_replay.drive import stamps_of
 
-Array = NDArray[np.float64]
 Truth = NDArray[np.bool_]
 
 LEAST_RUNS, LEAST_SCANS = 3, 2

@@ -10,10 +10,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
 from lfd_replay.drive import stamps_of
-
-Array = NDArray[np.float64]
 
 KM_PER_H, MPH, FOOT, STANDARD_GRAVITY = 1.0 / 3.6, 0.44704, 0.3048, 9.80665
 """Units in m/s, m and m/s^2."""

@@ -11,16 +11,14 @@ from math import isfinite
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import RadarSample
 from lfd_mpc.settings import STEP_S
 from lfd_replay.drive import Drive
 from lfd_replay.generated.lead_profiles import NAMES, Change, Profile, lead_profile
 from lfd_replay.read_drive import read_drive
-
-Array = NDArray[np.float64]
 
 FASTEST = 70.0
 """m/s that a car may reach: the lead, and the host at first."""

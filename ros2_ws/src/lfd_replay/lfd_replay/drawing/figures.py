@@ -3,9 +3,9 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from lfd_mpc.arrays import Array
+
 Interval = tuple[float, float]
 
 COLOURS = {

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from math import nan
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lfd_diagnosis.fault_index import PredictionLimits
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import COVERS, SIGNALS, State
+from lfd_mpc.arrays import Array
 from lfd_mpc.settings import STEP_S
 from lfd_observer.prediction_store import PredictionStore
 from lfd_replay.drawing.figures import (
@@ -33,8 +33,6 @@ from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.faults import Fault, truth_windows
 from lfd_replay.recorded_step import RecordedStep
 from lfd_replay.score import intervals
-
-Array = NDArray[np.float64]
 
 TIME = "drive time (s)"
 UNITS = {"clearance": "m", "relative_velocity": "m/s", "acceleration": "m/s²"}

@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lfd_diagnosis.settings import DiagnosisSettings
+from lfd_mpc.arrays import Array
 from lfd_mpc.prediction_model import build_prediction_model
 from lfd_mpc.settings import STEP_S, MpcSettings
 from lfd_replay.drawing.figures import (
@@ -34,8 +34,6 @@ from lfd_replay.drawing.panels import (
 )
 from lfd_replay.evaluation.detectors import is_at_equal
 from lfd_replay.evaluation.trace import JUDGED
-
-Array = NDArray[np.float64]
 
 
 def case_figure(

@@ -5,9 +5,9 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lfd_diagnosis.verdict import SIGNALS
+from lfd_mpc.arrays import Array
 from lfd_mpc.samples import ACCELERATION, RADAR, Sample
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.fault_windows import PAPER
@@ -18,8 +18,6 @@ from lfd_replay.offline import GraphStep, OfflineGraph
 from lfd_replay.profiles import GraphSettings
 from lfd_replay.read_drive import ReadOptions
 from lfd_replay.score import row_timeline, score
-
-Array = NDArray[np.float64]
 
 RECORDED = "comma2k19_rav4_seg40"
 """The recorded drive, by the beginning of its files' names."""

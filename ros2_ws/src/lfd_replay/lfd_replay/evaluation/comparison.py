@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lfd_diagnosis.healthy_signal import SECOND_DIFFERENCES
 from lfd_diagnosis.verdict import State
+from lfd_mpc.arrays import Array
 from lfd_mpc.samples import Sample
 from lfd_mpc.settings import STEP_S
 from lfd_replay.evaluation.cases import load_drive
@@ -34,8 +35,6 @@ from lfd_replay.evaluation.variants import trace_variants, variants
 from lfd_replay.faults import Fault, FaultInjector, truth_windows
 from lfd_replay.profiles import GraphSettings, graph_settings
 from lfd_replay.score import find_windows, inside, intervals
-
-Array = NDArray[np.float64]
 
 AS_PUBLISHED = "paper, as published"
 

@@ -3,10 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_replay.evaluation.detectors import Detector
 from lfd_replay.evaluation.trace import JUDGED, Trace
-
-Array = NDArray[np.float64]
 
 
 def residuals(trace: Trace, lead_acceleration_mean: float) -> Array:

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from lfd_diagnosis.confidence import confidences
 from lfd_diagnosis.settings import DiagnosisSettings
+from lfd_mpc.arrays import Array
 from lfd_replay.evaluation.trace import JUDGED, Trace
 from lfd_replay.score import intervals
-
-Array = NDArray[np.float64]
 
 PUBLISHED = "paper"
 """The trace of the paper profile as it is; other names are those of its variants."""

@@ -6,10 +6,9 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_replay.evaluation.detectors import Exceedance
 from lfd_replay.evaluation.trace import Trace
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

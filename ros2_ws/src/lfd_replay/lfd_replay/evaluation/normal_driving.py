@@ -4,17 +4,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from lfd_diagnosis.verdict import SIGNALS, State
+from lfd_mpc.arrays import Array
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR
 from lfd_mpc.settings import STEP_S
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.trace import JUDGED, Trace
 from lfd_replay.score import intervals
-
-Array = NDArray[np.float64]
 
 SMOOTHING = 1.0
 """Window in s over which speeds are differentiated."""

@@ -12,6 +12,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, ScalarSample
 from lfd_replay.drive import Drive, make_drive
 from lfd_replay.evaluation.cases import RECORDED, load_drive
@@ -20,8 +21,6 @@ from lfd_replay.evaluation.recorded_views import View, felt_by, tabled
 from lfd_replay.generated.generate import drive_truth
 from lfd_replay.generated.lead_profiles import IN_TRAFFIC
 from lfd_replay.generated.sensor_models import FeltPlan, Radar, SensorSuite, Speedometer, SpeedPlan
-
-Array = NDArray[np.float64]
 
 RECORDED_SENSORS = "recorded"
 """The recorded sensors, among the names of sensor suites."""

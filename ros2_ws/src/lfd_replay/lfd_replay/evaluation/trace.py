@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_diagnosis.verdict import SIGNALS
-
-Array = NDArray[np.float64]
+from lfd_mpc.arrays import Array
 
 JUDGED = ("clearance", "relative_velocity", "acceleration")
 """The signals that have an index of their own."""

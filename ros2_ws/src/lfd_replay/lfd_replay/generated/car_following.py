@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_mpc.settings import STEP_S
 from lfd_replay.generated.lead_profiles import Profile
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

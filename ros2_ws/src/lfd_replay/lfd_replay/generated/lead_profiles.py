@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_mpc.errors import UserError
 from lfd_observer.settings import LeadMotion
 
-Array = NDArray[np.float64]
 OverTime = Callable[[Array], Array]
 
 NORMAL = tuple(f"normal-{number:02d}" for number in range(1, 28))

@@ -25,13 +25,11 @@ from dataclasses import dataclass
 from zlib import crc32
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample, ScalarSample
 from lfd_replay.drive import in_nanoseconds
 from lfd_replay.generated.car_following import Truth
-
-Array = NDArray[np.float64]
 
 GRAVITY = 9.81
 """m/s^2"""

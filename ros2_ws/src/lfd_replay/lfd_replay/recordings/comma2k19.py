@@ -10,15 +10,13 @@ from math import isfinite
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lfd_mpc.arrays import Array
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, Sample, ScalarSample
 from lfd_replay.drive import LATEST, in_nanoseconds
 from lfd_replay.recordings.lead_selection import HostMotion, LeadSelector, Track
 from lfd_replay.recordings.recorded_messages import Mounting
-
-Array = NDArray[np.float64]
 
 LOG = "processed_log"
 SPEED = ("CAN/speed", "CAN/car_speed")

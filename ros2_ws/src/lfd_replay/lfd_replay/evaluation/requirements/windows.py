@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_diagnosis.verdict import COVERS, State
+from lfd_mpc.arrays import Array
 from lfd_mpc.samples import (
     HOST_SPEED,
     LEAD_ACCELERATION,
@@ -42,8 +43,6 @@ from lfd_replay.generated.lead_profiles import IN_TRAFFIC
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import PROFILES, GraphSettings, graph_settings
 from lfd_replay.read_drive import ReadOptions
-
-Array = NDArray[np.float64]
 
 NEAREST = "nearest in path"
 """The recorded drive's nearest target in path: its track ids change with every swap."""
