@@ -29,7 +29,7 @@ now and then, as coarse signals do, does not tell, nor do some that came sooner.
 ON_LINE, HUNDREDTHS = 2e-3, 2e-2
 """m and m/s by which a row lies beside a line that is rounded to three decimals, or to two."""
 
-LINES, ROUNDED, SHARE = 0.25, 0.95, 0.02
+LINES, ROUNDED, SHARE = 0.12, 0.95, 0.02
 """Share of the rows that must lie on lines where a table is interpolated, and must have two
 decimals where it is rounded to those; so much of it each row counts."""
 
@@ -98,11 +98,9 @@ def is_scan(rows, time, clearance, velocity, same_target):
         rows.changes = 0
     else:
         _note_change(rows, time)
-    # Where a line bends between two rows, both leave it.
-    on_line = rows.lines > LINES and (on_line or rows.changes == 2)
     soon = min(REGULAR * rows.shortest, MOST) if fast else min(SOON * rows.shortest, MESSAGE)
-    said = (repeats or (fast and on_line)) and time - rows.scanned_at < soon
-    if same_target and said:
+    on_line = fast and rows.lines > LINES and (on_line or _is_after_bend(rows))
+    if same_target and (repeats or on_line) and time - rows.scanned_at < soon:
         return False
     rows.scanned_at = time
     rows.taken += says_nothing
@@ -111,14 +109,20 @@ def is_scan(rows, time, clearance, velocity, same_target):
 
 @inner
 def _note_change(rows, time):
-    """A row says something new; two of them, one after the other, may be one line that bends."""
+    """A row says something new."""
     rows.changes += 1
-    if rows.changes == 2 and rows.lines > LINES:
+    if rows.lines > LINES and _is_after_bend(rows):
         return
     if isfinite(rows.changed_at):
         append(rows.gaps, time - rows.changed_at)
         rows.shortest = _shortest(rows.gaps)
     rows.changed_at = time
+
+
+@inner
+def _is_after_bend(rows):
+    """Whether a row may leave the line only because that bends between the two rows before it."""
+    return rows.changes > 0 and rows.changes % 2 == 0
 
 
 @inner
