@@ -674,6 +674,32 @@ def test_the_end_of_a_drift_that_was_not_found_is_no_offset(
     assert verdict.state == (State.FAULT if fault else State.OK)
 
 
+@pytest.mark.parametrize(("seed", "rate"), [(0, -0.5), (8, -0.5), (10, -0.5), (11, 0.5)])
+@pytest.mark.parametrize("drifts", [True, False])
+def test_where_a_clearance_wanders_the_end_of_a_drift_leads_near_to_the_path(
+    seed: int, rate: float, drifts: bool
+) -> None:
+    """Nearer to the path travelled than to where an offset without a drift would lead."""
+    car = Car()
+    random = np.random.default_rng(seed)
+    wander = 0.0
+
+    def drive(seconds: float, off: float = 0.0, drift: float = 0.0) -> None:
+        nonlocal wander
+        for k in range(round(100 * seconds)):
+            wander += -0.01 / 3.0 * wander + 0.3 * (0.02 / 3.0) ** 0.5 * random.normal()
+            car.step(clearance=wander + off + 0.01 * drift * k)
+
+    drive(30.0)
+    drive(4.0, drift=rate if drifts else 0.0)
+    assert not car.faults_since(0)
+    start = car.number
+    drive(2.0, off=0.0 if drifts else -4.0 * rate)
+    assert car.faults_since(start) == {"clearance", "radar"}
+    verdict = car.outcomes[-1].report.clearance
+    assert verdict.state == (State.OK if drifts else State.FAULT)
+
+
 @pytest.mark.parametrize(
     ("rests", "beside", "told"),
     [(0.0, 0.0, Kind.RAMP), (7.0, 0.0, Kind.RAMP), (0.0, -3.0, Kind.OFFSET)],

@@ -9,6 +9,7 @@ from lfd_diagnosis.healthy_signal import (
     POSSIBLE_JERK,
     as_measured,
     at,
+    deviation,
     excuse_repetition,
     is_beyond_chance,
     is_new,
@@ -141,8 +142,9 @@ DRIVES_OFF = 0.75
 LEADS_TO_PART = 0.15
 """Share of a jump of the clearance by which it may lead beside where it was before."""
 
-BACK_ON_PATH = 0.2
-"""Share of a jump of the clearance by which it may lead beside where it came from."""
+BACK_ON_PATH, LEFT_DOUBT, NEARER = 0.2, 3.0, 0.5
+"""Share of a jump of the clearance by which it may lead beside where it came from; or deviations of
+what is known of that, and share of the jump from which on it rather leads away."""
 
 UNSEEN = 10.0
 """Seconds for which a new target may be a former one whose clearance is off, or what was believed
@@ -655,15 +657,16 @@ def _ends_unseen(radar, settings):
     jump, measured = radar.clearance.residual, radar.measured_clearance
     lately = radar.clearance.last_at - radar.begun_at < UNSEEN
     farther = settings.same_car and abs(jump) > settings.largest_shift
-    if settings.check_drift and _leads_to(jump, undone_rise(radar.path, jump)):
+    usual = deviation(radar.path.noise)
+    if settings.check_drift and _leads_to(jump, undone_rise(radar.path, jump), usual):
         # It had left the path travelled by as much.
         _convict_of_ended(radar, settings, Kind.RAMP)
-    elif _was_blamed(radar) and _leads_to(jump, measured.value - jump - radar.undrifted):
+    elif _was_blamed(radar) and _leads_to(jump, measured.value - jump - radar.undrifted, 0.0):
         # It is where it would be were the relative velocity right.
         forgive(radar.velocity)
         _believe_measured(radar, False)
         _convict_of_ended(radar, settings, Kind.RAMP)
-    elif farther and lately and _leads_to(jump, radar.begun_beside):
+    elif farther and lately and _leads_to(jump, radar.begun_beside, 0.0):
         # The target began as far beside the former one: it is no other car, nor another part.
         _convict_of_ended(radar, settings, Kind.OFFSET)
     else:
@@ -672,9 +675,11 @@ def _ends_unseen(radar, settings):
 
 
 @inner
-def _leads_to(jump, beside):
-    """Whether a `jump` (m) leads back to what the clearance was `beside` (m) before it."""
-    return abs(beside + jump) < BACK_ON_PATH * abs(jump)
+def _leads_to(jump, beside, usual):
+    """Whether a `jump` (m) leads back to what the clearance was `beside` (m) before it, of which so
+    much deviates as is `usual` (m)."""
+    back, away = BACK_ON_PATH * abs(jump), NEARER * abs(jump)
+    return abs(beside + jump) < max(back, min(LEFT_DOUBT * usual, away))
 
 
 @inner
