@@ -69,7 +69,8 @@ def test_a_fault_that_the_leads_word_told_outlasts_its_silence() -> None:
     start = car.number
     car.drive(3.0, acceleration=2.0)
     assert felt(car).state == State.FAULT
-    assert "now lead's word: off by" in felt(car).reason
+    assert felt(car).reason.startswith("offset by lead's word: off by")
+    assert "; now off by" in felt(car).reason
     car.lead = False
     car.drive(1.5, acceleration=2.0)
     car.lead = True
