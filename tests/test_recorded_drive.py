@@ -278,7 +278,7 @@ def test_a_held_relative_velocity_is_told_sooner_where_host_and_lead_say_the_sam
 
 @pytest.mark.parametrize("view", VIEWS)
 def test_the_recorded_car_is_healthy_with_other_sensors_too(data: Path, view: str) -> None:
-    for number in (None, 0, 2, 9, 23):
+    for number in (None, 0, 2, 4, 5, 9, 23):
         base = load_drive(NAME, data) if number is None else track_drive(data, number)
         seen = seen_by(view, base, data)
         assert all(sample.input in INPUTS for sample in seen.samples)

@@ -570,7 +570,7 @@ def _clearance_is_right_again(radar, settings):
     if _leads_back(radar, settings):
         _see_another_part(radar, radar.measured_clearance.value)
         return True
-    if _ends_unseen(radar, settings):
+    if _convict_of_unseen(radar, settings):
         return True
     if not ends_the_last(clearance):
         return False
@@ -651,7 +651,7 @@ def _leads_back(radar, settings):
 
 
 @inner
-def _ends_unseen(radar, settings):
+def _convict_of_unseen(radar, settings):
     """Convict a clearance that jumps back from where a fault had put it whose beginning nobody
     saw; whether it does."""
     jump, measured = radar.clearance.residual, radar.measured_clearance

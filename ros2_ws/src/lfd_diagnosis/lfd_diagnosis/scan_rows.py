@@ -99,8 +99,8 @@ def is_scan(rows, time, clearance, velocity, same_target):
     else:
         _note_change(rows, time)
     soon = min(REGULAR * rows.shortest, MOST) if fast else min(SOON * rows.shortest, MESSAGE)
-    on_line = fast and rows.lines > LINES and (on_line or _is_after_bend(rows))
-    if same_target and (repeats or on_line) and time - rows.scanned_at < soon:
+    between = fast and rows.lines > LINES and (on_line or _is_after_bend(rows))
+    if same_target and (repeats or between) and time - rows.scanned_at < soon:
         return False
     rows.scanned_at = time
     rows.taken += says_nothing

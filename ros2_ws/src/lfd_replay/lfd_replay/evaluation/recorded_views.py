@@ -6,6 +6,7 @@ recordings are.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -34,16 +35,20 @@ DERIVED = "derived"
 """The speed's own derivative, from sample to sample."""
 
 
-@dataclass(frozen=True)
-class View:
-    """Other sensors: the `accelerometer` (the recorded one if empty), and of how many scans one is
-    kept, with what was last heard of the others at its time (0: all sensors speak for themselves).
-    `table`: what makes one with a row every 10 ms of them, if anything does.
-    """
-
-    accelerometer: str = ""
-    every: int = 0
-    table: Callable[[Sequence[Sample]], list[Sample]] | None = None
+def joined(samples: Sequence[Sample], every: int) -> list[Sample]:
+    """Each `every`-th scan, with the last value of everything else at its time."""
+    made: list[Sample] = []
+    last: dict[str, float] = {}
+    scans = 0
+    for sample in samples:
+        if not isinstance(sample, RadarSample):
+            last[sample.input] = sample.value
+            continue
+        if scans % every == 0:
+            made.append(sample)
+            made += [ScalarSample(name, sample.stamp, value) for name, value in last.items()]
+        scans += 1
+    return made
 
 
 def filled(samples: Sequence[Sample]) -> list[Sample]:
@@ -89,14 +94,29 @@ def interpolated(samples: Sequence[Sample]) -> list[Sample]:
     return sorted(made, key=playing_order)
 
 
+Table = Callable[[Sequence[Sample]], list[Sample]]
+"""What makes one table of everything that the sensors say."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Other sensors: the `accelerometer` (the recorded one if empty), and the `table` that
+    everything is in (None: all sensors speak for themselves)."""
+
+    accelerometer: str = ""
+    table: Table | None = None
+
+
+AT_20_HZ, AT_10_HZ = partial(joined, every=1), partial(joined, every=2)
+
 VIEWS = {
     "phone": View(PHONE),
     "wheels": View(WHEELS),
-    "joined at 20 Hz": View(every=1),
-    "joined at 10 Hz": View(every=2),
-    "phone, joined at 20 Hz": View(PHONE, 1),
-    "phone, joined at 10 Hz": View(PHONE, 2),
-    "derived, joined at 10 Hz": View(DERIVED, 2),
+    "joined at 20 Hz": View(table=AT_20_HZ),
+    "joined at 10 Hz": View(table=AT_10_HZ),
+    "phone, joined at 20 Hz": View(PHONE, AT_20_HZ),
+    "phone, joined at 10 Hz": View(PHONE, AT_10_HZ),
+    "derived, joined at 10 Hz": View(DERIVED, AT_10_HZ),
     "filled up to 100 Hz": View(table=filled),
     "interpolated to 100 Hz": View(table=interpolated),
 }
@@ -121,11 +141,7 @@ def felt_by(view: View, samples: Sequence[Sample], folder: Path) -> list[Sample]
 
 def tabled(view: View, samples: Sequence[Sample]) -> list[Sample]:
     """Samples as a view's table says them."""
-    made = list(samples)
-    if view.table:
-        made = view.table(samples)
-    elif view.every:
-        made = joined(samples, view.every)
+    made = view.table(samples) if view.table else list(samples)
     return _with(made, _derived(made)) if view.accelerometer == DERIVED else made
 
 
@@ -148,19 +164,3 @@ def _with(samples: Sequence[Sample], accelerations: list[Sample]) -> list[Sample
     within = [s for s in accelerations if stamps[0] <= s.stamp <= stamps[-1]]
     others = [s for s in samples if s.input != ACCELERATION]
     return sorted([*others, *within], key=playing_order)
-
-
-def joined(samples: Sequence[Sample], every: int) -> list[Sample]:
-    """Each `every`-th scan, with the last value of everything else at its time."""
-    made: list[Sample] = []
-    last: dict[str, float] = {}
-    scans = 0
-    for sample in samples:
-        if not isinstance(sample, RadarSample):
-            last[sample.input] = sample.value
-            continue
-        if scans % every == 0:
-            made.append(sample)
-            made += [ScalarSample(name, sample.stamp, value) for name, value in last.items()]
-        scans += 1
-    return made
