@@ -4,6 +4,8 @@ import re
 from pathlib import Path
 
 from lfd_bringup.replay import DEFAULT_DRIVE, DEFAULT_FAULT, event_line
+from lfd_replay.evaluation.requirements.plan import full_extent
+from lfd_replay.evaluation.requirements.rows import rows
 from lfd_replay.faults import FaultInjector, parse_faults
 from lfd_replay.generated.generate import generate_drive
 from lfd_replay.offline import OfflineGraph
@@ -16,9 +18,9 @@ RESULTS = (ROOT / "docs/robust-results.md").read_text()
 
 def test_false_events_are_those_of_the_results() -> None:
     """A count of the paper profile, which stands in brackets there, tells which figure is meant."""
-    rows = re.findall(r"^\| false events on .*\|$", README, re.MULTILINE)
-    assert len(rows) > 5
-    for row in rows:
+    lines = re.findall(r"^\| false events on .*\|$", README, re.MULTILINE)
+    assert len(lines) > 5
+    for row in lines:
         _, _, robust, paper, _ = row.split("|")
         figures = [
             [int(number) for number in re.findall(r"\d+", re.sub(r"\(.*?\)", "", cell))]
@@ -33,6 +35,12 @@ def test_false_events_are_those_of_the_results() -> None:
                 for text in before
             ]
             assert here in {int(number or 0) for number in said}, (row, there)
+
+
+def test_rows_that_need_recorded_drives_are_counted() -> None:
+    everything, generated = (len(list(rows(full_extent(), known))) for known in (True, False))
+    said = f"{everything - generated} of the {everything} rows"
+    assert said in (ROOT / "docs/evaluation.md").read_text()
 
 
 def test_files_that_import_ros_are_named() -> None:

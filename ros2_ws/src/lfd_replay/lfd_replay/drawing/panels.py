@@ -167,7 +167,7 @@ def acceleration_panel(recording: Recording, observers: int | None = None) -> Pa
     )
     marks.append(Line("acceleration, measured", recording.time, measured, COLOURS["acceleration"]))
     return Panel(
-        "host acceleration and its limits (m/s²)",
+        "host acceleration and its limits",
         TIME,
         "m/s²",
         marks,
@@ -224,7 +224,7 @@ def output_error_panel(recording: Recording) -> Panel:
         Line(f"output error, lag {lag}", recording.time, errors[:, k], SERIES[k % len(SERIES)], 0.8)
         for k, lag in enumerate(recording.lags)
     ]
-    return Panel("estimation errors of the observers (m + m/s)", TIME, "m + m/s", marks)
+    return Panel("estimation errors of the observers", TIME, "m + m/s", marks)
 
 
 CONTOUR_STEPS = 5
