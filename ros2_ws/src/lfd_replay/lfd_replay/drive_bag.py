@@ -23,6 +23,7 @@ from lfd_replay.errors import DISK_FULL, WrongOption
 from lfd_replay.paths import share_folder
 from lfd_replay.recordings.can_log import HostSignals
 from lfd_replay.recordings.message_definitions import DEFINITIONS
+from lfd_replay.recordings.plain_imu import read_as
 from lfd_replay.recordings.recorded_messages import (
     CAN_FRAME,
     ESR_STATUS_4,
@@ -137,12 +138,13 @@ def read_bag_streams(
                     chosen += _choose(path, reader, name, wanted[name])
         # Last, so that frames that hold the radar as well are known for it.
         kinds = {c.id: HOST_FRAME for c in _host_frames(path, reader, on_can)}
-        kinds |= {c.id: c.msgtype for c in chosen}
+        kinds |= {c.id: read_as(reader, c.msgtype) for c in chosen}
+        types = {i: CAN_FRAME if kind == HOST_FRAME else kind for i, kind in kinds.items()}
         connections = [c for c in reader.connections if c.id in kinds]
         # No connections at all would stand for all that there are.
         messages = reader.messages(connections=connections) if connections else ()
         for connection, received, raw in messages:
-            message = reader.deserialize(raw, connection.msgtype)
+            message = reader.deserialize(raw, types[connection.id])
             for sample in converter.push(kinds[connection.id], message, received):
                 streams[sample.input].append(sample)
     for sample in converter.flush():

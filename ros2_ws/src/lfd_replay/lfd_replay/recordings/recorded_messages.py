@@ -5,7 +5,7 @@ are those of the headers; a header without a stamp counts as stamped when it was
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import cos, radians, sin
@@ -25,6 +25,13 @@ from lfd_mpc.samples import (
 from lfd_replay.recordings.can_log import CanDrive, Frame, HostSignals
 from lfd_replay.recordings.esr import ScanAssembler, esr_track, select_lead
 from lfd_replay.recordings.lead_selection import HostMotion, LeadSelector, Track
+from lfd_replay.recordings.plain_imu import (
+    ANGULAR_VELOCITY,
+    IMU,
+    ITS_COVARIANCE,
+    LINEAR_ACCELERATION,
+    PLAIN_IMU,
+)
 
 ESR_TRACK, ESR_STATUS_4 = "delphi_esr_msgs/msg/EsrTrack", "delphi_esr_msgs/msg/EsrStatus4"
 RADAR_TRACKS = "radar_msgs/msg/RadarTracks"
@@ -34,7 +41,7 @@ HOST_FRAME = "can_msgs/msg/Frame of the host"
 
 TYPES = {
     RADAR: ("lfd_msgs/msg/RadarTarget", ESR_TRACK, RADAR_TRACKS, CAN_FRAME),
-    ACCELERATION: ("sensor_msgs/msg/Imu", "geometry_msgs/msg/AccelWithCovarianceStamped"),
+    ACCELERATION: (IMU, "geometry_msgs/msg/AccelWithCovarianceStamped"),
     HOST_SPEED: ("geometry_msgs/msg/TwistStamped", "nav_msgs/msg/Odometry"),
     LEAD_ACCELERATION: ("geometry_msgs/msg/AccelStamped",),
 }
@@ -97,7 +104,8 @@ class MessageConverter:
             RADAR_TRACKS: self._radar_tracks,
             CAN_FRAME: partial(self._can_frame, self._can.push),
             HOST_FRAME: partial(self._can_frame, self._can.push_host),
-            "sensor_msgs/msg/Imu": self._imu,
+            IMU: self._imu,
+            PLAIN_IMU: self._plain_imu,
             "geometry_msgs/msg/AccelWithCovarianceStamped": self._accel,
             "geometry_msgs/msg/TwistStamped": self._twist,
             "nav_msgs/msg/Odometry": self._odometry,
@@ -176,18 +184,28 @@ class MessageConverter:
         return push((stamp, int(message.id), data))
 
     def _imu(self, message: Any, stamp: int) -> Iterable[Sample]:
-        if message.angular_velocity_covariance[0] != -1.0:
-            rate = message.angular_velocity
-            turning = self._mounting.yaw_rate(float(rate.x), float(rate.y), float(rate.z))
-            self._motion.hear(yaw_rate=turning)
-        return (self._forward(message.linear_acceleration, stamp),)
+        unknown = message.angular_velocity_covariance[0]
+        rate, forward = message.angular_velocity, message.linear_acceleration
+        return self._felt(_axes(rate), unknown, _axes(forward), stamp)
+
+    def _plain_imu(self, message: Any, stamp: int) -> Iterable[Sample]:
+        numbers = message.numbers.tolist()
+        rate, forward = numbers[ANGULAR_VELOCITY], numbers[LINEAR_ACCELERATION]
+        return self._felt(rate, numbers[ITS_COVARIANCE], forward, stamp)
+
+    def _felt(
+        self, rate: Sequence[float], unknown: float, forward: Sequence[float], stamp: int
+    ) -> Iterable[Sample]:
+        """`unknown`: -1 where the sensor does not measure how it turns."""
+        if unknown != -1.0:
+            self._motion.hear(yaw_rate=self._mounting.yaw_rate(*rate))
+        return (self._forward(forward, stamp),)
 
     def _accel(self, message: Any, stamp: int) -> Iterable[Sample]:
-        return (self._forward(message.accel.accel.linear, stamp),)
+        return (self._forward(_axes(message.accel.accel.linear), stamp),)
 
-    def _forward(self, vector: Any, stamp: int) -> Sample:
-        value = self._mounting.forward(float(vector.x), float(vector.y), float(vector.z))
-        return ScalarSample(ACCELERATION, stamp, value)
+    def _forward(self, axes: Sequence[float], stamp: int) -> Sample:
+        return ScalarSample(ACCELERATION, stamp, self._mounting.forward(*axes))
 
     def _twist(self, message: Any, stamp: int) -> Iterable[Sample]:
         return (self._host_speed(message.twist, stamp),)
@@ -202,3 +220,7 @@ class MessageConverter:
         speed = float(twist.linear.x)
         self._motion.hear(speed=speed)
         return ScalarSample(HOST_SPEED, stamp, speed)
+
+
+def _axes(vector: Any) -> tuple[float, float, float]:
+    return float(vector.x), float(vector.y), float(vector.z)
