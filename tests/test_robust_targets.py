@@ -348,6 +348,22 @@ def test_a_clearance_far_smoother_than_measured_is_made_of_what_the_radar_knew(
     assert bool(car.faults_since(start)) == (seconds > 2.0)
 
 
+@pytest.mark.parametrize("acceleration", [-2.0, 2.0])
+@pytest.mark.parametrize(("further", "faulty"), [(0.0, set()), (-2.2, {"clearance", "radar"})])
+def test_a_clearance_made_of_what_the_radar_knew_catches_up_as_well(
+    car: Car, acceleration: float, further: float, faulty: set[str]
+) -> None:
+    """As far as the relative velocity leads in that time, and not the other way."""
+    car.lead_acceleration = 0.4 * acceleration
+    car.drive(2.0)
+    start, car.lead_acceleration = car.number, acceleration
+    lose_the_lead(car, 1.6)
+    assert abs(car.clearance - car.seen[0]) > 2.0, "more than its limit"
+    car.lead_acceleration = 0.0
+    car.drive(3.0, clearance=further * acceleration)
+    assert car.faults_since(start) == faulty
+
+
 def test_a_clearance_as_rough_as_measured_is_not_made_of_what_the_radar_knew(car: Car) -> None:
     car.lead_acceleration = -0.5
     car.drive(2.0)

@@ -173,6 +173,15 @@ def catches_up(radar, settings):
 
 
 @inner
+def clearance_catches_up(radar, settings):
+    """Whether the clearance says with it what it did not say meanwhile, made of the same."""
+    if not catches_up(radar, settings):
+        return False
+    clearance, path = radar.clearance, radar.velocity.residual * radar.held.unsaid_for
+    return clearance.residual * path > 0.0 and abs(clearance.residual) <= abs(path) + clearance.limit
+
+
+@inner
 def _may_be_unseen(radar):
     """Whether a relative velocity repeats itself for no longer than a radar goes on without its
     target, and the clearance goes just as that says, as if it were made of it."""

@@ -24,6 +24,7 @@ from lfd_diagnosis.healthy_signal import (
 )
 from lfd_diagnosis.held_radar import (
     catches_up,
+    clearance_catches_up,
     follow_held_velocity,
     is_sent_again,
     is_stuck,
@@ -570,6 +571,9 @@ def _clearance_is_right_again(radar, settings):
     if _leads_back(radar, settings):
         _see_another_part(radar, radar.measured_clearance.value)
         return True
+    if clearance_catches_up(radar, settings):
+        _believe_measured(radar, True)
+        return True
     if _convict_of_unseen(radar, settings):
         return True
     if not ends_the_last(clearance):
@@ -591,6 +595,8 @@ def _velocity_is_right_again(radar, settings):
     elif _ends_a_drift(radar):
         _believe_both(radar)
     elif catches_up(radar, settings):
+        if clearance_catches_up(radar, settings):
+            _believe_measured(radar, True)
         _believe_measured(radar, False)
     else:
         return False
