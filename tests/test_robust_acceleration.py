@@ -25,6 +25,31 @@ def test_a_shaken_sensor_that_swings_back_by_more_than_it_swung_out_is_no_outlie
     assert "outliers" not in car.outcomes[-1].report.acceleration.reason
 
 
+@pytest.mark.parametrize("seconds", [0.1, 0.5, 0.7])
+@pytest.mark.parametrize("off", [60.0, 12.0, -20.0])
+def test_a_signal_that_begins_with_what_no_car_does_is_right_from_then_on(
+    off: float, seconds: float
+) -> None:
+    """One that was made of a speed and smoothed: at its edges there was no speed."""
+    car = Car()
+    car.drive(seconds, acceleration=off)
+    begun = car.number
+    assert car.drive(20.0).report.acceleration.state == State.OK
+    late = [o for o in car.outcomes[begun + 120 :] if o.report.acceleration.state == State.FAULT]
+    assert not late
+    start = car.number
+    car.drive(1.0, acceleration=2.0)
+    assert car.faults_since(start) == {"acceleration"}
+
+
+@pytest.mark.parametrize("healthy", [0.7, 1.0, 2.0])
+def test_a_fault_soon_after_the_beginning_is_no_beginning(healthy: float) -> None:
+    """What is farther from level ground than what came before is a fault."""
+    car = Car()
+    car.drive(healthy)
+    assert car.drive(1.0, acceleration=6.0).report.acceleration.state == State.FAULT
+
+
 SWINGS = [
     # By host speed, a wheel being shaken: a swing is over before it counts.
     (True, 0.5, 0.2, -3.5, 0.2, set()),

@@ -110,6 +110,10 @@ END_HIDDEN, ENDS_BY, ENDS_BY_MOST = 3.0, 0.5, 1.5
 """Seconds after the end of a fault in which a jump back may be its real end, as a road that bent
 made it seem over, and least and largest share of its size that this is off by."""
 
+FIRST_TIME, NEARER_LEVEL = 1.0, 0.5
+"""Seconds of learning in which a signal may have begun with something else, and share of that which
+it is off by then at most."""
+
 LEADS_TO_SLOPE = 0.6
 """Share of a jump by which it may miss the slope that it leads back to."""
 
@@ -339,7 +343,8 @@ def judge_acceleration(
         share = rough_share(monitor.roughness)
         _convict(monitor, settings, Kind.NOISE, Ground.ROUGHNESS, share, 0.0)
     elif exceeded and _is_beyond_doubt(monitor, settings):
-        if _ends_the_last(monitor, settings) or _leads_back(monitor, settings):
+        ends = _ends_the_last(monitor, settings) or _leads_back(monitor, settings)
+        if ends or _began_wrongly(monitor):
             _end_the_last(monitor)
         else:
             check = monitor.check
@@ -440,6 +445,15 @@ def _leads_back(monitor, settings):
     step, beside = _newest_residual(monitor), check.reference - monitor.slope
     hidden = beside * step < 0.0 and abs(step) <= settings.steepest_road
     return hidden and abs(beside + step) < LEADS_TO_SLOPE * abs(step)
+
+
+@inner
+def _began_wrongly(monitor):
+    """Whether what looks like a fault is what the very first samples were off by, as a signal may
+    be that someone has smoothed: by now it is nearer to level ground."""
+    check = monitor.check
+    first = check.ground == Ground.HOST_SPEED and monitor.slope_known < FIRST_TIME
+    return first and abs(check.reference + check.residual) < NEARER_LEVEL * abs(check.reference)
 
 
 @inner
