@@ -56,6 +56,7 @@ from lfd_diagnosis.healthy_signal import (
     is_frozen_for,
     is_full,
     is_new,
+    is_noiseless,
     is_rough,
     mean_of,
     note_change,
@@ -127,6 +128,10 @@ derivative is filtered for, by which that must change while the accelerometer re
 BRAKED_HARD, BRAKING_FADES, ENDS = 4.0, share_of(0.2), 0.5
 """m/s^2 of braking whose sudden end, as when the car comes to rest, radar and accelerometer tell
 at different times; share by which it is forgotten in a step, and share of it left when it ends."""
+
+ROUGH_ACCELERATION, NOISELESS = 0.25, 0.02
+"""Second differences in m/s^2 that are not called rough, however smooth the sensor was, and below
+which it has no noise."""
 
 UNCHANGED_NOISY = 3.0
 """How many times longer than chance would have it a noisy accelerometer must repeat itself without
@@ -241,7 +246,8 @@ def _follow_samples(monitor, settings, time, said):
         if leap:
             monitor.leap, monitor.leapt_for, monitor.leapt_ago = leap, LEAP_MEMORY, 0
         standing = is_standing(monitor.speed)
-        take_roughness(monitor.roughness, time, value, not (monitor.faulty or standing), 0.0)
+        healthy = not (monitor.faulty or standing)
+        take_roughness(monitor.roughness, time, value, healthy, ROUGH_ACCELERATION)
         if standing:
             excuse_repetition(monitor.repetition, monitor.faulty)
         same = take_repetition(monitor.repetition, said, not monitor.faulty)
@@ -373,6 +379,8 @@ def _look_for_hold(monitor, settings, usable, relative_velocity):
     should_change = _should_have_changed(monitor, settings, usable, relative_velocity)
     if monitor.fresh:
         note_change(monitor.repetition, should_change)
+    if not should_change and is_noiseless(monitor.roughness, NOISELESS):
+        return False
     # Where noise changes it all the time, a car that moves makes it repeat nothing for long.
     unchanged = times_unchanged(monitor.repetition, UNCHANGED_NOISY)
     return (

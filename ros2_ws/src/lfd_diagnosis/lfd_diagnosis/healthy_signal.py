@@ -208,6 +208,13 @@ def is_rough(roughness):
 
 
 @inner
+def is_noiseless(roughness, least):
+    """Whether it hardly has any noise, its second differences being below `least` in its unit: as a
+    simulator says what goes on steadily, it says the same for as long."""
+    return roughness.usual < least * least
+
+
+@inner
 def resolution_of(roughness):
     """The signal's resolution as far as known, else 0."""
     return roughness.resolution if isfinite(roughness.resolution) else 0.0

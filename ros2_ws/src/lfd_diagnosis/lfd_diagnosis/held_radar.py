@@ -13,6 +13,7 @@ from lfd_diagnosis.healthy_signal import (
     is_beyond_chance,
     is_frozen,
     is_frozen_for,
+    is_noiseless,
     repeats_by_itself,
     resolution_of,
     run_by_chance,
@@ -56,6 +57,12 @@ LEAPT, LEAPT_STEPS, LEAPT_CHANCE = 0.15, 2.0, 1e-3
 """m/s, and steps of its resolution, by which a relative velocity must leap to zero, beyond what is
 known of it, and probability below which it then repeats that by coincidence: both together are
 rarer still."""
+
+NOISELESS_CLEARANCE, NOISELESS_VELOCITY = 0.03, 0.009
+"""Second differences in m and m/s below which a signal has no noise that would change it."""
+
+STAYS = 0.1
+"""m that are travelled while a clearance stays, so that nothing contradicts that."""
 
 NEAREST = 2.0
 """m below which many a radar says the least clearance that it can tell."""
@@ -177,8 +184,8 @@ def clearance_catches_up(radar, settings):
     """Whether the clearance says with it what it did not say meanwhile, made of the same."""
     if not catches_up(radar, settings):
         return False
-    clearance, path = radar.clearance, radar.velocity.residual * radar.held.unsaid_for
-    return clearance.residual * path > 0.0 and abs(clearance.residual) <= abs(path) + clearance.limit
+    jump, path = radar.clearance.residual, radar.velocity.residual * radar.held.unsaid_for
+    return jump * path > 0.0 and abs(jump) <= abs(path) + radar.clearance.limit
 
 
 @inner
@@ -306,8 +313,8 @@ def is_stuck(radar, settings, signal, of_clearance, changed):
             return False
         if radar.held.leapt_to_zero and _stays_at_zero(signal.repetition):
             return True
-        if not changed and _is_followed(radar) and repeats_by_itself(signal.repetition):
-            # What it repeats is still true.
+        still_true = _is_followed(radar) and repeats_by_itself(signal.repetition)
+        if not changed and (still_true or is_noiseless(signal.roughness, NOISELESS_VELOCITY)):
             return False
     return is_frozen(signal.repetition, changed)
 
@@ -317,7 +324,8 @@ def _is_too_calm(radar):
     """Whether a clearance says the same for too long, though nothing tells that it should change:
     not even its noise does."""
     repetition = radar.clearance.repetition
-    long = repetition.run * radar.period >= TOO_CALM
+    noisy = not is_noiseless(radar.clearance.roughness, NOISELESS_CLEARANCE)
+    long = noisy and repetition.run * radar.period >= TOO_CALM
     unchanged = times_unchanged(repetition, UNCHANGED_CALM)
     return long and is_frozen_for(repetition, False, unchanged)
 
@@ -338,12 +346,25 @@ def _stays_at_zero(repetition):
 def _repeats_itself(radar):
     """Whether the radar says the same again and again: one signal does, the other since then."""
     own, other = radar.clearance.repetition, radar.velocity.repetition
+    if _stays_without_noise(radar):
+        return False
     if own.value == 0.0 and other.value != 0.0:
         # No radar that stopped: it never said that.
         return False
     apart = other.run - own.run
     together = -run_by_chance(own, CHANCE) <= apart <= run_by_chance(other, CHANCE)
     return is_either_held(radar) and together
+
+
+@inner
+def _stays_without_noise(radar):
+    """Whether neither of its signals has any noise, and what both say does not contradict that the
+    clearance stays: so a simulator says it."""
+    clearance, velocity = radar.clearance.roughness, radar.velocity.roughness
+    if is_either_held(radar) or abs(radar.held.travelled) > STAYS + resolution_of(clearance):
+        return False
+    noiseless = is_noiseless(clearance, NOISELESS_CLEARANCE)
+    return noiseless and is_noiseless(velocity, NOISELESS_VELOCITY)
 
 
 @inner

@@ -16,6 +16,7 @@ from lfd_diagnosis.healthy_signal import (
     is_beyond_chance,
     is_frozen,
     is_new,
+    is_noiseless,
     is_rough,
     learn_noise,
     note_change,
@@ -35,6 +36,9 @@ from lfd_mpc.settings import STEP_S, share_of
 
 STANDING = 0.3
 """Host speed in m/s below which the car may as well stand: equal samples mean nothing."""
+
+NOISELESS = 0.003
+"""Second differences in m/s below which a speed has no noise that would change it."""
 
 SLOW, MISSED_SLOW = 2.0, 0.5
 """Below so many m/s a wheel turns so quietly that it tells nothing of a shaken car, nor do equal
@@ -264,7 +268,8 @@ def _look_for_hold(speed):
     """Take note of whether it had reason to change; whether it is held."""
     changed = _should_have_changed(speed)
     note_change(speed.repetition, changed)
-    tells = changed or not abs(speed.last) <= SLOW
+    silent = abs(speed.last) <= SLOW or is_noiseless(speed.roughness, NOISELESS)
+    tells = changed or not silent
     return tells and is_frozen(speed.repetition, changed)
 
 
