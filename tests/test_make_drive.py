@@ -442,7 +442,7 @@ def test_an_older_drive_is_replaced(tmp_path: Path) -> None:
         ),
         (
             ["data-1", "--sensor", "y"],
-            "unknown sensor 'y'; there are: esr, coarse, gnss",
+            "unknown sensor 'y'; there are: esr, coarse, gnss, exact",
         ),
         (["braking", "--peak", "-9"], "peak -9: -8 to -0.5 m/s^2 expected"),
         (["data-1", "--peak", "-3"], "a peak belongs to 'braking', not to 'data-1'"),

@@ -133,7 +133,7 @@ def test_what_may_be_a_range_is_no_placeholder() -> None:
     assert not list(placeholders({}))
 
 
-@pytest.mark.parametrize("sensor", ["esr", "coarse", "gnss"])
+@pytest.mark.parametrize("sensor", ["esr", "coarse", "gnss", "exact"])
 @pytest.mark.parametrize("name", ["data-1", "stop-and-go", "cut-in", "traffic-27", "hilly-03"])
 def test_a_drive_as_it_should_be_has_no_placeholder_nor_has_one_with_a_fault(
     name: str, sensor: str

@@ -1,6 +1,7 @@
 """The robust profile without ROS: signals that repeat themselves, held ones and healthy ones."""
 
 from math import pi, sin
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -495,6 +496,60 @@ def test_a_coarse_clearance_that_was_held_is_believed_as_soon(seed: int) -> None
     car.follow_unsteady(3, seed + 50)
     states = [outcome.report.clearance.state for outcome in car.outcomes[start:]]
     assert State.FAULT not in states[60:]
+
+
+class NoiselessCar(Car):
+    """As a simulator says it, in steps of a millimetre; `steady`: behind a lead just as fast."""
+
+    def __init__(self, host_speed: bool = True) -> None:
+        super().__init__(host_speed)
+        self.random = SimpleNamespace(normal=lambda size: np.zeros(size))
+        names = ("clearance", "relative_velocity", "acceleration", "host_speed")
+        self.rounded = dict.fromkeys(names, 0.001)
+        self.follow_unsteady(30, 1)
+
+    def be_steady(self, seconds: float) -> None:
+        while abs(self.velocity) > 0.005:
+            self.lead_acceleration = -self.velocity
+            self.step()
+        self.velocity = self.lead_acceleration = 0.0
+        self.drive(seconds)
+
+
+@pytest.mark.parametrize("host_speed", [True, False])
+def test_a_simulators_steady_drive_is_no_held_sensor(host_speed: bool) -> None:
+    """Nothing moves, and there is no noise that would."""
+    car = NoiselessCar(host_speed)
+    start = car.number
+    car.be_steady(60.0)
+    assert not car.faults_since(start)
+    start = car.number
+    car.drive(1.0, clearance=2.0)
+    assert car.faults_since(start) == {"clearance", "radar"}
+
+
+@pytest.mark.parametrize("signals", [("clearance", "relative_velocity"), ("relative_velocity",)])
+def test_what_a_simulator_holds_while_the_lead_brakes_is_found(signals: tuple[str, ...]) -> None:
+    car = NoiselessCar()
+    car.be_steady(20.0)
+    start, car.lead_acceleration = car.number, -1.0
+    car.drive(0.6)
+    car.drive(2.0, **{f"{name}_is": car.seen[name == "relative_velocity"] for name in signals})
+    assert car.faults_since(start) - {"radar"} == set(signals)
+
+
+@pytest.mark.parametrize(("noise", "faulty"), [(0.04, set()), (0.4, {"acceleration"})])
+def test_an_accelerometer_without_noise_is_not_rough_for_having_a_little(
+    noise: float, faulty: set[str]
+) -> None:
+    car, random = NoiselessCar(), np.random.default_rng(1)
+    for k in range(3300):
+        if k == 3000:
+            start = car.number
+        felt = 0.5 * sin(0.01 * k)
+        car.speed += 0.01 * felt
+        car.step(acceleration=felt + (noise * random.normal() if k >= 3000 else 0.0))
+    assert car.faults_since(start) == faulty
 
 
 @pytest.mark.parametrize("rows", [2, 3])

@@ -64,7 +64,7 @@ def test_another_unit_or_sign_is_named(name: str, factors: dict, said: str, requ
     assert re.search(said, line), line
 
 
-@pytest.mark.parametrize("sensor", ["esr", "coarse", "gnss"])
+@pytest.mark.parametrize("sensor", ["esr", "coarse", "gnss", "exact"])
 @pytest.mark.parametrize("name", ["data-1", "stop-and-go", "cut-in", "hill", "bumps", "braking"])
 def test_a_drive_as_it_should_be_contradicts_nothing(name: str, sensor: str) -> None:
     assert not list(odd_units(streams_of(generate_drive(name, 2, sensor).samples)))

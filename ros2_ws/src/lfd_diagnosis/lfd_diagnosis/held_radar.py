@@ -11,9 +11,7 @@ from lfd_diagnosis.healthy_signal import (
     beyond,
     deviation,
     is_beyond_chance,
-    is_frozen,
     is_frozen_for,
-    is_noiseless,
     repeats_by_itself,
     resolution_of,
     run_by_chance,
@@ -22,7 +20,7 @@ from lfd_diagnosis.healthy_signal import (
     times_unchanged,
 )
 from lfd_diagnosis.lead_track import predict_track, set_clearance
-from lfd_diagnosis.radar_signal import is_bad, is_held
+from lfd_diagnosis.radar_signal import has_no_noise, is_bad, is_held, repeats_wrongly
 from lfd_diagnosis.radar_state import SLOW_TIME, WANDERING, is_either_held, wander_of
 from lfd_diagnosis.travelled_path import drift_rate
 from lfd_mpc.compiled import inner
@@ -58,8 +56,9 @@ LEAPT, LEAPT_STEPS, LEAPT_CHANCE = 0.15, 2.0, 1e-3
 known of it, and probability below which it then repeats that by coincidence: both together are
 rarer still."""
 
-NOISELESS_CLEARANCE, NOISELESS_VELOCITY = 0.03, 0.009
-"""Second differences in m and m/s below which a signal has no noise that would change it."""
+UNTOLD = 0.3
+"""Share of what tells that a relative velocity without noise should have changed, below which the
+clearance's leaving its path does not: it may rightly say the same, and the clearance drift."""
 
 STAYS = 0.1
 """m that are travelled while a clearance stays, so that nothing contradicts that."""
@@ -168,7 +167,7 @@ def catches_up(radar, settings):
     wavers = ONE_SCAN * radar.period
     most = max(UNSEEN_MOST + wavers, radar.held.unseen_for)
     for_a_moment = UNSEEN_LEAST - wavers <= lost_for <= most
-    if not (settings.check_repetition and for_a_moment):
+    if not (settings.check_repetition and for_a_moment) or is_without_noise(radar):
         return False
     # The first scan that is off must be the one that no longer repeats itself.
     if velocity.last_at - radar.held.sees_again_at > wavers:
@@ -218,6 +217,8 @@ def is_sent_again(radar, settings):
     clearance, velocity = radar.clearance, radar.velocity
     if not settings.check_repetition or is_bad(clearance) or is_bad(velocity):
         return False
+    if is_without_noise(radar):
+        return False
     run = min(clearance.repetition.run, velocity.repetition.run)
     time = run * radar.period
     if isnan(radar.host_speed) or time > SENT_AGAIN:
@@ -236,8 +237,9 @@ def stand_both(radar):
 
 @inner
 def velocity_seems_held(radar):
-    """Whether the relative velocity has said the same for longer than chance would have it."""
-    return is_beyond_chance(radar.velocity.repetition, radar.velocity.repetition.run)
+    """Whether the relative velocity has said the same for longer than its noise would have it."""
+    run = radar.velocity.repetition.run
+    return is_beyond_chance(radar.velocity.repetition, run) and not has_no_noise(radar.velocity)
 
 
 @inner
@@ -313,10 +315,10 @@ def is_stuck(radar, settings, signal, of_clearance, changed):
             return False
         if radar.held.leapt_to_zero and _stays_at_zero(signal.repetition):
             return True
-        still_true = _is_followed(radar) and repeats_by_itself(signal.repetition)
-        if not changed and (still_true or is_noiseless(signal.roughness, NOISELESS_VELOCITY)):
+        if not changed and _is_followed(radar) and repeats_by_itself(signal.repetition):
+            # What it repeats is still true.
             return False
-    return is_frozen(signal.repetition, changed)
+    return repeats_wrongly(signal, changed)
 
 
 @inner
@@ -324,8 +326,7 @@ def _is_too_calm(radar):
     """Whether a clearance says the same for too long, though nothing tells that it should change:
     not even its noise does."""
     repetition = radar.clearance.repetition
-    noisy = not is_noiseless(radar.clearance.roughness, NOISELESS_CLEARANCE)
-    long = noisy and repetition.run * radar.period >= TOO_CALM
+    long = not has_no_noise(radar.clearance) and repetition.run * radar.period >= TOO_CALM
     unchanged = times_unchanged(repetition, UNCHANGED_CALM)
     return long and is_frozen_for(repetition, False, unchanged)
 
@@ -346,7 +347,7 @@ def _stays_at_zero(repetition):
 def _repeats_itself(radar):
     """Whether the radar says the same again and again: one signal does, the other since then."""
     own, other = radar.clearance.repetition, radar.velocity.repetition
-    if _stays_without_noise(radar):
+    if stays_without_noise(radar):
         return False
     if own.value == 0.0 and other.value != 0.0:
         # No radar that stopped: it never said that.
@@ -357,14 +358,17 @@ def _repeats_itself(radar):
 
 
 @inner
-def _stays_without_noise(radar):
-    """Whether neither of its signals has any noise, and what both say does not contradict that the
-    clearance stays: so a simulator says it."""
-    clearance, velocity = radar.clearance.roughness, radar.velocity.roughness
-    if is_either_held(radar) or abs(radar.held.travelled) > STAYS + resolution_of(clearance):
-        return False
-    noiseless = is_noiseless(clearance, NOISELESS_CLEARANCE)
-    return noiseless and is_noiseless(velocity, NOISELESS_VELOCITY)
+def is_without_noise(radar):
+    """Whether neither of its signals has any noise."""
+    return has_no_noise(radar.clearance) and has_no_noise(radar.velocity)
+
+
+@inner
+def stays_without_noise(radar):
+    """Whether such signals say that the clearance stays, and it does."""
+    most = STAYS + resolution_of(radar.clearance.roughness)
+    stays = abs(radar.held.travelled) <= most and not is_either_held(radar)
+    return stays and is_without_noise(radar)
 
 
 @inner
@@ -459,6 +463,8 @@ def _has_left(radar, settings):
     """Whether the clearance has left the path of a relative velocity that repeats itself: by far,
     or little by little, as it does not where another part of the car is seen."""
     if not _is_followed(radar):
+        return False
+    if has_no_noise(radar.velocity) and radar.held.most_changed < UNTOLD * _change_in_doubt(radar):
         return False
     left, once = radar.held.off, radar.held.most_at_once
     if _has_left_by(radar, left, _usually_off(radar, settings)):

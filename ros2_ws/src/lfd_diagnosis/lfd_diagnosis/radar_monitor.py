@@ -30,6 +30,7 @@ from lfd_diagnosis.held_radar import (
     is_stuck,
     should_have_changed,
     stand_both,
+    stays_without_noise,
     take_back_held,
     velocity_seems_held,
 )
@@ -280,12 +281,9 @@ def _scan(radar, settings, track_id):
         # The relative velocity is the same for long.
         excuse_repetition(radar.velocity.repetition, radar.velocity.faulty)
     learn = radar.host_moves and not held
-    same_clearance = clearance.new and take_repetition(
-        radar.clearance.repetition, clearance.value, learn and not radar.clearance.faulty
-    )
-    same_velocity = velocity.new and take_repetition(
-        radar.velocity.repetition, velocity.value, learn and not radar.velocity.faulty
-    )
+    steady = stays_without_noise(radar)
+    same_clearance = clearance.new and _repeats(radar.clearance, clearance.value, learn, steady)
+    same_velocity = velocity.new and _repeats(radar.velocity, velocity.value, learn, steady)
     whole = clearance.new and velocity.new
     period = clearance.at - radar.clearance.last_at
     unheard = clearance.at - radar.velocity.last_at
@@ -315,6 +313,14 @@ def _scan(radar, settings, track_id):
         radar.clearance.last, radar.clearance.last_at = clearance.value, clearance.at
     if velocity.new:
         radar.velocity.last, radar.velocity.last_at = velocity.value, velocity.at
+
+
+@inner
+def _repeats(signal, value, learn, steady):
+    """Take a value of a signal; whether it repeats the one before. What goes on steadily tells
+    nothing of how often that is a coincidence."""
+    learn = learn and not signal.faulty and not (steady and signal.repetition.run > 0)
+    return take_repetition(signal.repetition, value, learn)
 
 
 @inner

@@ -16,6 +16,7 @@ from lfd_diagnosis.healthy_signal import (
     is_beyond_chance,
     is_frozen,
     is_full,
+    is_noiseless,
     is_rough,
     resolution_of,
     restart_repetition,
@@ -109,6 +110,7 @@ HISTORY = 4096
 RADAR_SIGNAL = np.dtype(
     [
         ("floor", "f8"),
+        ("noiseless", "f8"),
         ("noise", LEARNT_NOISE),
         ("roughness", ROUGHNESS),
         ("repetition", REPETITION),
@@ -158,23 +160,23 @@ RADAR_SIGNAL = np.dtype(
 )
 """State of one signal; lengths in its own unit (m or m/s), times in s.
 
-`faulty_at` is when it was faulty last, `estimate` how far a faulty signal is off its reference,
-`size` how far its fault put it, `recent` its newest residuals, `said` what it said then (a
-clearance: beyond the path travelled), `at_once` whether that was undone from one scan to the next
-since it agrees, `jumped_back_at` when its last jump was if it was that way, `must_agree` for how
-long what agrees must go on where that is longer than usual, `history` times and residuals of a
-drift. `lost_since` counts while the reference of a faulty signal is `lost`: another target came;
-`carried_since` while its offset is taken to go on with that (`carried`); `ended_size` is how far
-the last one was off that is believed since `ended_at` though nobody saw its end. In shares of
-`floor`: `roughest`, the largest healthy residual, `swung`, that of some minutes, and `swings`, a
-larger one `swings_for` scans ago.
+`noiseless`: second differences below which it has no noise. `faulty_at` is when it was faulty last,
+`estimate` how far a faulty signal is off its reference, `size` how far its fault put it, `recent`
+its newest residuals, `said` what it said then (a clearance: beyond the path travelled), `at_once`
+whether that was undone from one scan to the next since it agrees, `jumped_back_at` when its last
+jump was if it was that way, `must_agree` for how long what agrees must go on where that is longer
+than usual, `history` times and residuals of a drift. `lost_since` counts while the reference of a
+faulty signal is `lost`: another target came; `carried_since` while its offset is taken to go on
+with that (`carried`); `ended_size` is how far the last one was off that is believed since
+`ended_at` though nobody saw its end. In shares of `floor`: `roughest`, the largest healthy
+residual, `swung`, that of some minutes, and `swings`, a larger one `swings_for` scans ago.
 """
 
 
 @inner
-def start_signal(signal, floor, std, lowest, learn):
+def start_signal(signal, floor, std, lowest, noiseless, learn):
     """Begin with the noise of the parameter file (in the signal's unit) and nothing else."""
-    signal.floor = floor
+    signal.floor, signal.noiseless = floor, noiseless
     first = max(std, lowest)
     start_noise(signal.noise, first, lowest, 10.0 * first, learn, 400)
     forget_usual(signal)
@@ -277,6 +279,20 @@ def learn_swing(signal, off):
 def is_held(signal):
     """Whether it repeats itself for longer than a moment, though maybe by coincidence."""
     return signal.repetition.run >= HELD_SCANS
+
+
+@inner
+def has_no_noise(signal):
+    """Whether nothing but motion changes it: so a simulator says it."""
+    return is_noiseless(signal.roughness, signal.noiseless)
+
+
+@inner
+def repeats_wrongly(signal, should_have_changed):
+    """Whether it has said the same for longer than any healthy one could; one without noise only
+    where it should have changed."""
+    tells = should_have_changed or not has_no_noise(signal)
+    return tells and is_frozen(signal.repetition, should_have_changed)
 
 
 @inner
@@ -419,7 +435,7 @@ def classify(signal, settings, should_have_changed):
     ever_since = settings.check_repetition and signal.repetition.run >= signal.faulty_scans
     if signal.last == 0.0 and signal.repetition.run >= ZERO_SCANS and ever_since:
         signal.kind = Kind.ZERO
-    elif ever_since and is_held(signal) and is_frozen(signal.repetition, should_have_changed):
+    elif ever_since and is_held(signal) and repeats_wrongly(signal, should_have_changed):
         signal.kind = Kind.HOLD
     elif settings.check_roughness and is_rough(signal.roughness) and signal.kind == Kind.OFFSET:
         signal.kind = Kind.NOISE

@@ -52,6 +52,9 @@ which it wanders so far: the track follows it."""
 LEAST_CLEARANCE_STD, LEAST_VELOCITY_STD = 0.03, 0.015
 """Deviations in m and m/s of the least noise that is learnt."""
 
+NOISELESS_CLEARANCE, NOISELESS_VELOCITY = 0.03, 0.009
+"""Second differences in m and m/s below which a signal has no noise."""
+
 REMEMBERED = 32
 """Targets that are remembered at once."""
 
@@ -178,6 +181,7 @@ def start_radar(radar, settings):
         settings.clearance_floor,
         settings.clearance_std,
         LEAST_CLEARANCE_STD,
+        NOISELESS_CLEARANCE,
         learn,
     )
     start_signal(
@@ -185,6 +189,7 @@ def start_radar(radar, settings):
         settings.relative_velocity_floor,
         settings.relative_velocity_std,
         LEAST_VELOCITY_STD,
+        NOISELESS_VELOCITY,
         learn,
     )
     start_scan_rows(radar.rows)

@@ -72,7 +72,7 @@ class VehicleSettings(Settings):
         le=9.0,
     )
     sensors: str = setting(
-        "esr", "1", "sensors: esr, coarse or gnss", "generated drives", fixed=True
+        "esr", "1", "sensors: esr, coarse, gnss or exact", "generated drives", fixed=True
     )
     seed: int = setting(0, "1", "seed of the sensors' noise", "own choice", fixed=True, ge=0)
 

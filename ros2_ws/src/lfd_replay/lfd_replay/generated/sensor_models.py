@@ -19,6 +19,7 @@ figures against (a Toyota RAV4 of 2016-18: radar, accelerometer 0x24, wheel spee
 - `coarse`: a camera or older radar: 10 Hz messages with 1 m and 0.29 m/s steps, new values at
   5 Hz, and an acceleration that lags by 0.2 s. `gnss`: two cars with satellite positioning, all
   at 10 Hz, and the acceleration differentiated from speed. Their noises are assumptions.
+- `exact`: what a simulator says of its own world, to three decimals.
 """
 
 from dataclasses import dataclass
@@ -306,6 +307,16 @@ SENSORS = {
         ),
         accelerometer=Accelerometer(period=0.1, jitter=0.0, noise=Noise(0.05), differentiated=True),
         speedometer=Speedometer(period=0.1, lag=0.0, scale=0.0, noise=Noise(0.01), step=0.001),
+    ),
+    "exact": SensorSuite(
+        radar=Radar(
+            lateness=0.0, delay=0.0, clearance_noise=0.0, clearance_step=0.001,
+            velocity_noise=0.0, velocity_step=0.001, outlier_period=None,
+        ),
+        accelerometer=Accelerometer(
+            jitter=0.0, noise=Noise(0.0), bias=0.0, wander=0.0, pitch=0.0, bump=0.0,
+        ),
+        speedometer=Speedometer(period=0.01, lag=0.0, scale=0.0, noise=Noise(0.0), step=0.001),
     ),
 }  # fmt: skip
 """Sensor suites by name."""

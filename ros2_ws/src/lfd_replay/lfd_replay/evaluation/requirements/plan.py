@@ -47,7 +47,7 @@ BRAKING_PEAKS = (-2.5, -4.0, -6.0, -8.0)
 SPECIAL = ("data-1", "data-2", "data-3", "cut-in", "stop-and-go", "hill", "bumps")
 """Healthy drives beside the normal ones."""
 
-OTHER_SENSORS = ("coarse", "gnss")
+OTHER_SENSORS = ("coarse", "gnss", "exact")
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ def rows(extent: Extent, recorded: bool) -> list[Row]:
     made += _random_sensors(extent)
     made += _other_faults(extent)
     made += _healthy_drives(extent, recorded)
-    made += _coarser_sensors(extent)
+    made += _other_sensors(extent)
     if recorded:
         made += _recorded_radar()
     return made
@@ -234,8 +234,8 @@ def _healthy_drives(extent: Extent, recorded: bool) -> Iterator[Row]:
     yield Row("braking leads without host speed", blind, _judge_braking_blind)
 
 
-def _coarser_sensors(extent: Extent) -> Iterator[Row]:
-    """Normal drives as coarser generated sensors see them."""
+def _other_sensors(extent: Extent) -> Iterator[Row]:
+    """Normal drives as other generated sensors see them, and traffic as a simulator says it."""
     for sensor in plan.OTHER_SENSORS:
         title = f"sensor {sensor}"
         runs = plan.other_sensors_healthy(extent, sensor)
@@ -243,6 +243,7 @@ def _coarser_sensors(extent: Extent) -> Iterator[Row]:
         faults = partial(plan.faults_of_other_sensors, extent, sensor)
         judge = partial(judges.judge_found, delay=0.3)
         yield from _combinations(title, faults, judge)
+    yield from _healthy("sensor exact in traffic", plan.in_traffic(extent, "exact"))
 
 
 def _recorded_radar() -> Iterator[Row]:
