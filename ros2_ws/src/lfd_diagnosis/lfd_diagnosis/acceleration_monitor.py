@@ -379,7 +379,8 @@ def _look_for_hold(monitor, settings, usable, relative_velocity):
     should_change = _should_have_changed(monitor, settings, usable, relative_velocity)
     if monitor.fresh:
         note_change(monitor.repetition, should_change)
-    if not should_change and is_noiseless(monitor.roughness, NOISELESS):
+    # What nears its lead moves, but may do so steadily.
+    if not (should_change and usable) and is_noiseless(monitor.roughness, NOISELESS):
         return False
     # Where noise changes it all the time, a car that moves makes it repeat nothing for long.
     unchanged = times_unchanged(monitor.repetition, UNCHANGED_NOISY)

@@ -56,6 +56,9 @@ REBUILT_RECORDED = partial(judges.judge_rebuilt, recorded=True)
 OUTLIERS = (("clearance", 4.0), ("relative_velocity", 5.0), ("acceleration", 4.0))
 """Spikes in m, m/s and m/s^2: the first sample of every second."""
 
+EXACT = "exact"
+"""Sensors without noise: all seeds say the same."""
+
 NEW = {"in new traffic": NEW_TRAFFIC, "among new hills": NEW_HILLY}
 """Drives that nothing was chosen on, by where they are."""
 
@@ -238,12 +241,12 @@ def _other_sensors(extent: Extent) -> Iterator[Row]:
     """Normal drives as other generated sensors see them, and traffic as a simulator says it."""
     for sensor in plan.OTHER_SENSORS:
         title = f"sensor {sensor}"
-        runs = plan.other_sensors_healthy(extent, sensor)
+        runs = plan.other_sensors_healthy(_once(extent) if sensor == EXACT else extent, sensor)
         yield Row(f"{title}: healthy", runs, judges.judge_healthy)
         faults = partial(plan.faults_of_other_sensors, extent, sensor)
         judge = partial(judges.judge_found, delay=0.3)
         yield from _combinations(title, faults, judge)
-    yield from _healthy("sensor exact in traffic", plan.in_traffic(extent, "exact"))
+    yield from _healthy(f"sensor {EXACT} in traffic", plan.in_traffic(_once(extent), EXACT))
 
 
 def _recorded_radar() -> Iterator[Row]:
@@ -307,11 +310,15 @@ def _among_hills(title: str, extent: Extent, sensor: str) -> Iterator[Row]:
 
 def _on_new_roads(extent: Extent, sensors: dict[str, str]) -> Iterator[Row]:
     """Healthy drives on roads that were not looked at while mending, as each sensor sees them."""
-    once = replace(extent, healthy_seeds=extent.healthy_seeds[:1])
     for name, sensor in sensors.items():
         for where, drives in NEW.items():
-            runs = plan.in_traffic(once, sensor, drives)
+            runs = plan.in_traffic(_once(extent), sensor, drives)
             yield Row(f"{name} {where}: healthy", runs, judges.judge_healthy)
+
+
+def _once(extent: Extent) -> Extent:
+    """With one seed of each healthy drive."""
+    return replace(extent, seeds=extent.seeds[:1], healthy_seeds=extent.healthy_seeds[:1])
 
 
 def _length_of(kind: str) -> tuple[float, bool]:
