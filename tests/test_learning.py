@@ -56,7 +56,7 @@ def test_noise_is_learnt_from_a_first_value_within_limits() -> None:
 
 def test_roughness_is_blind_to_smooth_motion_and_to_one_outlier() -> None:
     roughness = make_state(ROUGHNESS)[0]
-    start_roughness(roughness, 16)
+    start_roughness(roughness, 16, 0.0)
     random = Random(4)
     for k in range(200):
         value = 0.001 * k**2 + random.gauss(0.0, 0.05) + (k == 150)
@@ -78,7 +78,7 @@ def _stairs(roughness, first: int, seconds: int, healthy: bool, rate: float = 0.
 
 def test_a_drift_teaches_no_resolution_until_it_is_found() -> None:
     roughness = make_state(ROUGHNESS)[0]
-    start_roughness(roughness, 16)
+    start_roughness(roughness, 16, 0.0)
     at = _stairs(roughness, 0, 20, True)
     assert resolution_of(roughness) == pytest.approx(0.25)
     at = _stairs(roughness, at, 9, True, rate=-1.0)

@@ -129,9 +129,8 @@ BRAKED_HARD, BRAKING_FADES, ENDS = 4.0, share_of(0.2), 0.5
 """m/s^2 of braking whose sudden end, as when the car comes to rest, radar and accelerometer tell
 at different times; share by which it is forgotten in a step, and share of it left when it ends."""
 
-ROUGH_ACCELERATION, NOISELESS = 0.25, 0.02
-"""Second differences in m/s^2 that are not called rough, however smooth the sensor was, and below
-which it has no noise."""
+ROUGH_ACCELERATION = 0.25
+"""Second differences in m/s^2 that are not called rough, however smooth the sensor was."""
 
 UNCHANGED_NOISY = 3.0
 """How many times longer than chance would have it a noisy accelerometer must repeat itself without
@@ -380,7 +379,7 @@ def _look_for_hold(monitor, settings, usable, relative_velocity):
     if monitor.fresh:
         note_change(monitor.repetition, should_change)
     # What nears its lead moves, but may do so steadily.
-    if not (should_change and usable) and is_noiseless(monitor.roughness, NOISELESS):
+    if not (should_change and usable) and is_noiseless(monitor.roughness):
         return False
     # Where noise changes it all the time, a car that moves makes it repeat nothing for long.
     unchanged = times_unchanged(monitor.repetition, UNCHANGED_NOISY)

@@ -50,6 +50,9 @@ SWINGING = 0.65
 """m/s^2 of usual roughness from which on a bump swings a sensor's mounting so far that it looks
 like a jump."""
 
+NOISELESS = 0.025
+"""Second differences in m/s^2 that an accelerometer without noise hardly exceeds."""
+
 LEARNT_EVERY = 10
 """Steps of which one is learnt from: those between them are filtered, and say much the same."""
 
@@ -210,7 +213,7 @@ def start_acceleration(monitor, settings):
     """Begin with nothing."""
     learn = settings.learn_noise
     start_speed(monitor.speed, learn)
-    start_roughness(monitor.roughness, 64)
+    start_roughness(monitor.roughness, 64, NOISELESS)
     start_repetition(monitor.repetition, 8)
     monitor.derivative_when_held = monitor.felt_when_held = np.nan
     start_noise(monitor.step_noise, 0.15, 0.03, 1.0, learn, 2000)

@@ -42,6 +42,10 @@ WIDEST_WINDOW, KNOWN_WINDOWS = 64, 3
 """Samples that such a share is taken of at most, and how many times as many healthy ones must be
 known before any is called rough."""
 
+QUIET, QUIET_SHARE = 0.8, 0.01
+"""Share of second differences that are small where there is no noise, and share that each one
+counts in it: some are a manoeuvre's, or rounding."""
+
 CHANCE, REMOTE = 1e-5, 1e-7
 """Probability below which a run of equal samples is no coincidence, where the signal should have
 changed and where nothing says so."""
@@ -156,6 +160,8 @@ ROUGHNESS = np.dtype(
         ("next", "i8"),
         ("window", "i8"),
         ("count", "i8"),
+        ("noiseless", "f8"),
+        ("quiet", "f8"),
         ("before", "f8", (2,)),
         ("samples_before", "i8"),
         ("last_at", "f8"),
@@ -173,7 +179,8 @@ ROUGHNESS = np.dtype(
 
 Second differences: smooth motion, however fast, hardly has any. `usual` is their mean square over
 the `known` healthy ones, in the square of the signal's unit; of the last `window` of all so many
-(`count`) exceeded their limit (`recent`). `before`: the last two values that differed, so many as
+(`count`) exceeded their limit (`recent`); `quiet` is the share of the last ones, repeats left out,
+that were below what it has `noiseless`. `before`: the last two values that differed, so many as
 are there (`samples_before`). `resolution` is the largest of the `least_steps` seen between two
 samples, infinite before any was seen: an odd value of a coarse sensor makes two steps that are too
 small. Later than `PROVEN` from the first sample on (`proven_at`), smaller ones count only once they
@@ -183,9 +190,11 @@ ones.
 
 
 @inner
-def start_roughness(roughness, window):
-    """Begin with nothing; `window`: of how many samples the share is taken."""
+def start_roughness(roughness, window, noiseless):
+    """Begin with nothing; `window`: of how many samples the share is taken; `noiseless`: second
+    differences, in the signal's unit, that one without noise hardly exceeds."""
     roughness.window, roughness.known = window, 0
+    roughness.noiseless, roughness.quiet = noiseless, 1.0
     empty_roughness(roughness)
     roughness.usual = 0.0
     roughness.resolution = np.inf
@@ -208,16 +217,16 @@ def is_rough(roughness):
 
 
 @inner
-def is_noiseless(roughness, least):
-    """Whether it hardly has any noise, its second differences being below `least` in its unit: as a
-    simulator says what goes on steadily, it says the same for as long."""
-    return roughness.usual < least * least
-
-
-@inner
 def resolution_of(roughness):
     """The signal's resolution as far as known, else 0."""
     return roughness.resolution if isfinite(roughness.resolution) else 0.0
+
+
+@inner
+def is_noiseless(roughness):
+    """Whether nothing but motion changes it, and it is not coarse: what goes on steadily a
+    simulator says again and again."""
+    return roughness.quiet > QUIET and resolution_of(roughness) <= roughness.noiseless
 
 
 @inner
@@ -315,6 +324,8 @@ def take_roughness(roughness, at, value, healthy, possible):
     usual = max(roughness.usual, (ROUGH_STEPS * roughness.resolution) ** 2)
     exceeds = known and square > max(ROUGH_RATIO * ROUGH_RATIO * usual, possible * possible)
     _count_rough(roughness, exceeds)
+    if healthy and not repeats:
+        roughness.quiet += QUIET_SHARE * ((square < roughness.noiseless**2) - roughness.quiet)
     # A sensor that has said the same ever since tells nothing of how rough it is.
     if healthy and (square > 0.0 or roughness.usual > 0.0):
         _learn_usual(roughness, square, known)

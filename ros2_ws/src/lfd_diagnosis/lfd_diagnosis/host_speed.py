@@ -37,8 +37,8 @@ from lfd_mpc.settings import STEP_S, share_of
 STANDING = 0.3
 """Host speed in m/s below which the car may as well stand: equal samples mean nothing."""
 
-NOISELESS = 0.003
-"""Second differences in m/s below which a speed has no noise that would change it."""
+NOISELESS = 0.0105
+"""Second differences in m/s that a speed without noise hardly exceeds."""
 
 SLOW, MISSED_SLOW = 2.0, 0.5
 """Below so many m/s a wheel turns so quietly that it tells nothing of a shaken car, nor do equal
@@ -175,7 +175,7 @@ each value again and again; it changed at `changed_at`.
 def start_speed(speed, learn):
     """Begin with nothing."""
     start_noise(speed.noise, 0.03, 0.003, 1.0, learn, 400)
-    start_roughness(speed.roughness, 32)
+    start_roughness(speed.roughness, 32, NOISELESS)
     start_repetition(speed.repetition, 10)
     speed.outliers, speed.refresh = 0, 0.0
     restart_speed(speed)
@@ -268,7 +268,7 @@ def _look_for_hold(speed):
     """Take note of whether it had reason to change; whether it is held."""
     changed = _should_have_changed(speed)
     note_change(speed.repetition, changed)
-    silent = abs(speed.last) <= SLOW or is_noiseless(speed.roughness, NOISELESS)
+    silent = abs(speed.last) <= SLOW or is_noiseless(speed.roughness)
     tells = changed or not silent
     return tells and is_frozen(speed.repetition, changed)
 
@@ -471,6 +471,7 @@ def _take(speed, settings, at, value, acceleration, shaken):
     if seems_to_stand(speed):
         excuse_repetition(speed.repetition, speed.faulty)
     beyond_chance = is_beyond_chance(speed.repetition, speed.same)
+    beyond_chance = beyond_chance and not is_noiseless(speed.roughness)
     was_held = beyond_chance or _makes_up(speed, value, period, acceleration)
     _follow_repetition(speed, at, value, period, acceleration)
     if isfinite(speed.last):

@@ -110,7 +110,6 @@ HISTORY = 4096
 RADAR_SIGNAL = np.dtype(
     [
         ("floor", "f8"),
-        ("noiseless", "f8"),
         ("noise", LEARNT_NOISE),
         ("roughness", ROUGHNESS),
         ("repetition", REPETITION),
@@ -160,23 +159,23 @@ RADAR_SIGNAL = np.dtype(
 )
 """State of one signal; lengths in its own unit (m or m/s), times in s.
 
-`noiseless`: second differences below which it has no noise. `faulty_at` is when it was faulty last,
-`estimate` how far a faulty signal is off its reference, `size` how far its fault put it, `recent`
-its newest residuals, `said` what it said then (a clearance: beyond the path travelled), `at_once`
-whether that was undone from one scan to the next since it agrees, `jumped_back_at` when its last
-jump was if it was that way, `must_agree` for how long what agrees must go on where that is longer
-than usual, `history` times and residuals of a drift. `lost_since` counts while the reference of a
-faulty signal is `lost`: another target came; `carried_since` while its offset is taken to go on
-with that (`carried`); `ended_size` is how far the last one was off that is believed since
-`ended_at` though nobody saw its end. In shares of `floor`: `roughest`, the largest healthy
-residual, `swung`, that of some minutes, and `swings`, a larger one `swings_for` scans ago.
+`faulty_at` is when it was faulty last, `estimate` how far a faulty signal is off its reference,
+`size` how far its fault put it, `recent` its newest residuals, `said` what it said then (a
+clearance: beyond the path travelled), `at_once` whether that was undone from one scan to the next
+since it agrees, `jumped_back_at` when its last jump was if it was that way, `must_agree` for how
+long what agrees must go on where that is longer than usual, `history` times and residuals of a
+drift. `lost_since` counts while the reference of a faulty signal is `lost`: another target came;
+`carried_since` while its offset is taken to go on with that (`carried`); `ended_size` is how far
+the last one was off that is believed since `ended_at` though nobody saw its end. In shares of
+`floor`: `roughest`, the largest healthy residual, `swung`, that of some minutes, and `swings`, a
+larger one `swings_for` scans ago.
 """
 
 
 @inner
 def start_signal(signal, floor, std, lowest, noiseless, learn):
     """Begin with the noise of the parameter file (in the signal's unit) and nothing else."""
-    signal.floor, signal.noiseless = floor, noiseless
+    signal.floor, signal.roughness.noiseless = floor, noiseless
     first = max(std, lowest)
     start_noise(signal.noise, first, lowest, 10.0 * first, learn, 400)
     forget_usual(signal)
@@ -201,7 +200,7 @@ def start_signal(signal, floor, std, lowest, noiseless, learn):
 @inner
 def forget_usual(signal):
     """Nothing is known of how rough it is, and how often the same."""
-    start_roughness(signal.roughness, 16)
+    start_roughness(signal.roughness, 16, signal.roughness.noiseless)
     start_repetition(signal.repetition, 8)
 
 
@@ -284,7 +283,7 @@ def is_held(signal):
 @inner
 def has_no_noise(signal):
     """Whether nothing but motion changes it: so a simulator says it."""
-    return is_noiseless(signal.roughness, signal.noiseless)
+    return is_noiseless(signal.roughness)
 
 
 @inner

@@ -52,8 +52,8 @@ which it wanders so far: the track follows it."""
 LEAST_CLEARANCE_STD, LEAST_VELOCITY_STD = 0.03, 0.015
 """Deviations in m and m/s of the least noise that is learnt."""
 
-NOISELESS_CLEARANCE, NOISELESS_VELOCITY = 0.03, 0.009
-"""Second differences in m and m/s below which a signal has no noise."""
+NOISELESS_CLEARANCE, NOISELESS_VELOCITY = 0.03, 0.0105
+"""Second differences in m and m/s that a signal without noise hardly exceeds."""
 
 REMEMBERED = 32
 """Targets that are remembered at once."""
