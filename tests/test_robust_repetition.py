@@ -538,6 +538,22 @@ def test_what_a_simulator_holds_while_the_lead_brakes_is_found(signals: tuple[st
     assert car.faults_since(start) - {"radar"} == set(signals)
 
 
+def test_a_simulators_car_that_brakes_at_once_has_no_held_speed() -> None:
+    """So does its lead; its speed said the same for long before."""
+    car = NoiselessCar()
+    for k in range(2000):
+        felt = 0.5 * sin(0.01 * k)
+        car.speed += 0.01 * felt
+        car.step(acceleration=felt)
+    car.be_steady(20.0)
+    start, car.lead_acceleration = car.number, -0.5
+    for _ in range(200):
+        car.speed -= 0.04
+        car.step(acceleration=-4.0)
+    assert not car.faults_since(start)
+    assert car.outcomes[-1].report.host_speed.state == State.OK
+
+
 @pytest.mark.parametrize(("noise", "faulty"), [(0.04, set()), (0.4, {"acceleration"})])
 def test_an_accelerometer_without_noise_is_not_rough_for_having_a_little(
     noise: float, faulty: set[str]
