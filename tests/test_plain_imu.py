@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from lfd_replay.recordings.plain_imu import IMU, PLAIN_IMU, read_as
+from lfd_replay.drive_bag import read_as
+from lfd_replay.recordings.plain_imu import IMU, PLAIN_IMU
 from lfd_replay.recordings.recorded_messages import MessageConverter, Mounting
 
 

@@ -12,6 +12,7 @@ from lfd_diagnosis.healthy_signal import (
     deviation,
     is_beyond_chance,
     is_frozen_for,
+    is_noiseless,
     repeats_by_itself,
     resolution_of,
     run_by_chance,
@@ -20,7 +21,7 @@ from lfd_diagnosis.healthy_signal import (
     times_unchanged,
 )
 from lfd_diagnosis.lead_track import predict_track, set_clearance
-from lfd_diagnosis.radar_signal import has_no_noise, is_bad, is_held, repeats_wrongly
+from lfd_diagnosis.radar_signal import is_bad, is_held, repeats_wrongly
 from lfd_diagnosis.radar_state import SLOW_TIME, WANDERING, is_either_held, wander_of
 from lfd_diagnosis.travelled_path import drift_rate
 from lfd_mpc.compiled import inner
@@ -238,8 +239,9 @@ def stand_both(radar):
 @inner
 def velocity_seems_held(radar):
     """Whether the relative velocity has said the same for longer than its noise would have it."""
-    run = radar.velocity.repetition.run
-    return is_beyond_chance(radar.velocity.repetition, run) and not has_no_noise(radar.velocity)
+    signal = radar.velocity
+    beyond_chance = is_beyond_chance(signal.repetition, signal.repetition.run)
+    return beyond_chance and not is_noiseless(signal.roughness)
 
 
 @inner
@@ -326,7 +328,7 @@ def _is_too_calm(radar):
     """Whether a clearance says the same for too long, though nothing tells that it should change:
     not even its noise does."""
     repetition = radar.clearance.repetition
-    long = not has_no_noise(radar.clearance) and repetition.run * radar.period >= TOO_CALM
+    long = not is_noiseless(radar.clearance.roughness) and repetition.run * radar.period >= TOO_CALM
     unchanged = times_unchanged(repetition, UNCHANGED_CALM)
     return long and is_frozen_for(repetition, False, unchanged)
 
@@ -360,7 +362,7 @@ def _repeats_itself(radar):
 @inner
 def is_without_noise(radar):
     """Whether neither of its signals has any noise."""
-    return has_no_noise(radar.clearance) and has_no_noise(radar.velocity)
+    return is_noiseless(radar.clearance.roughness) and is_noiseless(radar.velocity.roughness)
 
 
 @inner
@@ -464,7 +466,8 @@ def _has_left(radar, settings):
     or little by little, as it does not where another part of the car is seen."""
     if not _is_followed(radar):
         return False
-    if has_no_noise(radar.velocity) and radar.held.most_changed < UNTOLD * _change_in_doubt(radar):
+    changed = radar.held.most_changed >= UNTOLD * _change_in_doubt(radar)
+    if is_noiseless(radar.velocity.roughness) and not changed:
         return False
     left, once = radar.held.off, radar.held.most_at_once
     if _has_left_by(radar, left, _usually_off(radar, settings)):

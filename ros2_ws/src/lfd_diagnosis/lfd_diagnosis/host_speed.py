@@ -470,8 +470,8 @@ def _take(speed, settings, at, value, acceleration, shaken):
     take_roughness(speed.roughness, at, value, learn, possible)
     if seems_to_stand(speed):
         excuse_repetition(speed.repetition, speed.faulty)
-    beyond_chance = is_beyond_chance(speed.repetition, speed.same)
-    beyond_chance = beyond_chance and not is_noiseless(speed.roughness)
+    noisy = not is_noiseless(speed.roughness)
+    beyond_chance = noisy and is_beyond_chance(speed.repetition, speed.same)
     was_held = beyond_chance or _makes_up(speed, value, period, acceleration)
     _follow_repetition(speed, at, value, period, acceleration)
     if isfinite(speed.last):

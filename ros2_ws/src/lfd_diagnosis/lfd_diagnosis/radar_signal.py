@@ -281,16 +281,10 @@ def is_held(signal):
 
 
 @inner
-def has_no_noise(signal):
-    """Whether nothing but motion changes it: so a simulator says it."""
-    return is_noiseless(signal.roughness)
-
-
-@inner
 def repeats_wrongly(signal, should_have_changed):
     """Whether it has said the same for longer than any healthy one could; one without noise only
     where it should have changed."""
-    tells = should_have_changed or not has_no_noise(signal)
+    tells = should_have_changed or not is_noiseless(signal.roughness)
     return tells and is_frozen(signal.repetition, should_have_changed)
 
 

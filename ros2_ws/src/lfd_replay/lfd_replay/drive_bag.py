@@ -23,7 +23,7 @@ from lfd_replay.errors import DISK_FULL, WrongOption
 from lfd_replay.paths import share_folder
 from lfd_replay.recordings.can_log import HostSignals
 from lfd_replay.recordings.message_definitions import DEFINITIONS
-from lfd_replay.recordings.plain_imu import read_as
+from lfd_replay.recordings.plain_imu import DEFINITION, IMU, LAYOUT, PLAIN_IMU
 from lfd_replay.recordings.recorded_messages import (
     CAN_FRAME,
     ESR_STATUS_4,
@@ -150,6 +150,15 @@ def read_bag_streams(
     for sample in converter.flush():
         streams[sample.input].append(sample)
     return streams, [f"{count} {what}" for what, count in converter.counts.items() if count]
+
+
+def read_as(reader: AnyReader, message_type: str) -> str:
+    """The type as which messages of a bag are best read."""
+    if message_type != IMU or not reader.is2 or reader.typestore.hash_rihs01(IMU) != LAYOUT:
+        return message_type
+    if PLAIN_IMU not in reader.typestore.types:
+        reader.typestore.register(get_types_from_msg(DEFINITION, PLAIN_IMU))
+    return PLAIN_IMU
 
 
 @contextmanager

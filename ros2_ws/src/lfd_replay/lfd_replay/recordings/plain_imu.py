@@ -3,9 +3,6 @@
 Half of the messages of a drive are Imus, and of no other message is so much never looked at.
 """
 
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import get_types_from_msg
-
 IMU, PLAIN_IMU = "sensor_msgs/msg/Imu", "lfd_replay/msg/PlainImu"
 
 DEFINITION = "std_msgs/Header header\nfloat64[37] numbers"
@@ -16,12 +13,3 @@ LAYOUT = "RIHS01_7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5
 
 ANGULAR_VELOCITY, ITS_COVARIANCE, LINEAR_ACCELERATION = slice(13, 16), 16, slice(25, 28)
 """Where those numbers are, of the covariance the first one."""
-
-
-def read_as(reader: AnyReader, message_type: str) -> str:
-    """The type as which messages of a bag are best read."""
-    if message_type != IMU or not reader.is2 or reader.typestore.hash_rihs01(IMU) != LAYOUT:
-        return message_type
-    if PLAIN_IMU not in reader.typestore.types:
-        reader.typestore.register(get_types_from_msg(DEFINITION, PLAIN_IMU))
-    return PLAIN_IMU
