@@ -180,10 +180,9 @@ def catches_up(radar, settings):
 
 
 @inner
-def clearance_catches_up(radar, settings):
-    """Whether the clearance says with it what it did not say meanwhile, made of the same."""
-    if not catches_up(radar, settings):
-        return False
+def clearance_catches_up(radar):
+    """Whether the clearance says with a relative velocity that catches up what it did not say
+    meanwhile, made of the same."""
     jump, path = radar.clearance.residual, radar.velocity.residual * radar.held.unsaid_for
     return jump * path > 0.0 and abs(jump) <= abs(path) + radar.clearance.limit
 
