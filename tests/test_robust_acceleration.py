@@ -931,6 +931,56 @@ def test_a_car_that_reverses_by_a_speed_without_a_sign_blames_no_accelerometer(
     assert not standing.faults_since(start)
 
 
+def backs_off(
+    car: Car, pulls: float, rolls: float, brakes: float, silent: range = range(0)
+) -> None:
+    """Backward at `pulls` m/s^2 for a second, on for `rolls` s, to rest at `brakes` m/s^2; by a
+    speed without a sign."""
+    pull = np.minimum(np.arange(125), np.arange(125)[::-1]).clip(0, 25) / 25.0
+    accelerations = np.concatenate([-pulls * pull, np.zeros(round(100 * rolls))])
+    for number, acceleration in enumerate(accelerations):
+        car.speed += 0.01 * acceleration
+        car.host_speed = number not in silent
+        car.step(acceleration=acceleration, host_speed=-2.0 * car.speed)
+    number = 0
+    while car.speed < 0.0:
+        number += 1
+        acceleration = min(brakes * min(number / 20.0, 1.0), -100.0 * car.speed)
+        car.speed = min(car.speed + 0.01 * acceleration, 0.0)
+        car.step(acceleration=acceleration, host_speed=-2.0 * car.speed)
+
+
+@pytest.mark.parametrize("silent", [range(0), range(80, 95), range(10, 30)])
+@pytest.mark.parametrize("brakes", [1.5, 2.5])
+def test_a_car_that_brakes_while_it_reverses_blames_no_accelerometer(
+    standing: Car, brakes: float, silent: range
+) -> None:
+    """By its speed without a sign it seems to brake forward; nor is that a slope."""
+    start = standing.number
+    for _ in range(3):
+        backs_off(standing, 1.0, 2.0, brakes, silent)
+        standing.drive(2.0, host_speed_is=0.0)
+    assert not standing.faults_since(start)
+    assert standing.outcomes[-1].reconstruction.acceleration == pytest.approx(0.0, abs=0.25)
+
+
+@pytest.mark.parametrize("offset", [3.0, -3.0])
+def test_an_offset_while_the_car_reverses_is_found(standing: Car, offset: float) -> None:
+    backs_off(standing, 1.0, 2.0, 1.5)
+    standing.drive(2.0, host_speed_is=0.0)
+    start = standing.number
+    for number in range(500):
+        acceleration = -1.0 if number < 100 else 0.3 if number < 400 else 0.0
+        off = offset if number >= 250 else 0.0
+        standing.speed = min(standing.speed + 0.01 * acceleration, 0.0)
+        standing.step(acceleration=acceleration + off, host_speed=-2.0 * standing.speed)
+        if number == 380:
+            told = standing.outcomes[-1].reconstruction.acceleration
+            assert told == pytest.approx(0.3, abs=0.3), "its sign is the car's"
+    assert not standing.faults_since(start) - {"acceleration"}
+    assert standing.delay("acceleration", start + 250) < 0.3
+
+
 @pytest.mark.parametrize("offset", [2.0, -2.0, 4.0, -4.0])
 @pytest.mark.parametrize("after", [-1.0, 0.7, 2.0])
 def test_an_offset_while_the_car_drives_off_is_no_reversal(

@@ -8,7 +8,7 @@ from math import isnan
 
 import numpy as np
 
-from lfd_diagnosis.acceleration_direction import follow_reversing
+from lfd_diagnosis.acceleration_direction import as_the_car_moves, follow_reversing
 from lfd_diagnosis.acceleration_jump import (
     follow_difference,
     forget_jump,
@@ -138,11 +138,11 @@ THERE = 0.75
 @inner
 def against_speed(monitor, settings):
     """Against the derivative of the host's speed."""
-    jerk = jerk_of(monitor.speed)
+    jerk = as_the_car_moves(monitor, jerk_of(monitor.speed))
     lag, smooth = _lag(monitor, settings)
     if rattles(monitor.speed):
         smooth = -JERK_FILTER
-    derivative = monitor.speed.derivative + (lag + smooth) * jerk
+    derivative = as_the_car_moves(monitor, monitor.speed.derivative) + (lag + smooth) * jerk
     follow_difference(monitor.jump, newest_sample(monitor) - derivative)
     # What smoothing made late, and the accelerometer tells by now.
     _follow_own_jerk(monitor)
@@ -240,7 +240,8 @@ def speed_may_be_wrong(monitor, settings):
         return True
     if not settings.check_repetition:
         return False
-    then = monitor.filtered - monitor.speed.derivative_when_held - monitor.check.reference
+    when_held = as_the_car_moves(monitor, monitor.speed.derivative_when_held)
+    then = monitor.filtered - when_held - monitor.check.reference
     agrees_with_then = abs(then) <= monitor.check.limit
     return speed_seems_held(monitor.speed, agrees_with_then, _lead_speaks_for(monitor))
 
@@ -249,7 +250,7 @@ def speed_may_be_wrong(monitor, settings):
 def _lead_speaks_for(monitor):
     """Whether the lead, as observers see it, is steadier if the accelerometer is right than if the
     speed is."""
-    by_speed = monitor.speed.derivative + monitor.relative_slow
+    by_speed = as_the_car_moves(monitor, monitor.speed.derivative) + monitor.relative_slow
     felt = monitor.filtered - monitor.check.reference + monitor.relative_slow
     return not isnan(monitor.lead) and abs(felt) < abs(by_speed)
 
@@ -336,7 +337,8 @@ def _learn_lag(monitor, jerk):
     The derivative's own jerk has the noise in it of what it is to explain, and would call a noisy
     speed early.
     """
-    moved = monitor.filtered - monitor.speed.derivative - monitor.baseline
+    derivative = as_the_car_moves(monitor, monitor.speed.derivative)
+    moved = monitor.filtered - derivative - monitor.baseline
     monitor.best_product += jerk * moved - monitor.best_product / LAG_MEMORY
     monitor.best_square += jerk * jerk - (monitor.best_square - LAG_PRIOR) / LAG_MEMORY
     then, now = monitor.jerk_then, jerk_between(monitor.filtered, monitor.slow_filtered)

@@ -8,6 +8,7 @@ from math import isnan
 
 import numpy as np
 
+from lfd_diagnosis.acceleration_state import forget_differences
 from lfd_diagnosis.evidence import Ground, is_exceeded
 from lfd_diagnosis.host_speed import is_believed, seems_to_stand
 from lfd_mpc.compiled import inner
@@ -23,44 +24,74 @@ FADES = 1.0
 """Time constant in s with which it fades what a car that seems to stand has gained: a speed may be
 late, or zero below some m/s."""
 
+FITS = 0.35
+"""Share of what contradicts the speed that is left of it where the car moves the other way."""
+
+SETTLED = 0.1
+"""m/s^2 below which the derivative of a speed at rest has no sign that matters."""
+
+
+@inner
+def as_the_car_moves(monitor, by_speed):
+    """What a speed without a sign says of an acceleration or a jerk, or is to be told of one."""
+    return -by_speed if monitor.reverses else by_speed
+
+
+@inner
+def _turn(monitor, reverses):
+    """The car moves that way: what was seen of its accelerations meanwhile tells nothing."""
+    if reverses != monitor.reverses:
+        monitor.reverses = reverses
+        forget_differences(monitor)
+
 
 @inner
 def follow_direction(monitor):
     """Which way the car drives off after it stood."""
     speed = monitor.speed
-    heard = is_believed(speed) and not (isnan(monitor.filtered) or monitor.faulty)
-    if not heard or abs(speed.last) > FASTEST:
-        monitor.gained, monitor.reverses = np.nan, False
+    heard = is_believed(speed)
+    stands = heard and seems_to_stand(speed)
+    if stands and abs(speed.derivative) < SETTLED:
+        # From here on it may go either way.
+        monitor.reverses = False
+    forward = heard and abs(speed.last) > FASTEST
+    if forward:
+        _turn(monitor, False)
+    if forward or isnan(monitor.filtered) or monitor.faulty:
+        monitor.gained = np.nan
         return
     felt = monitor.filtered - monitor.slope
-    if seems_to_stand(speed):
+    if stands:
         before = 0.0 if isnan(monitor.gained) else monitor.gained
         monitor.gained = before + STEP_S * (felt - before / FADES)
-        monitor.reverses = False
-    elif not isnan(monitor.gained):
-        monitor.gained += STEP_S * felt
-        if abs(monitor.gained) > max(TELLING, TELLING_SHARE * abs(speed.last)):
-            monitor.reverses = monitor.gained * speed.last < 0.0
-            monitor.gained = np.nan
+        return
+    # It goes on while nothing is heard of the speed for a moment.
+    monitor.gained += STEP_S * felt
+    told = heard and abs(monitor.gained) > max(TELLING, TELLING_SHARE * abs(speed.last))
+    if told:
+        _turn(monitor, monitor.gained * speed.last < 0.0)
+    if told or abs(monitor.gained) > FASTEST:
+        monitor.gained = np.nan
 
 
 @inner
-def _fits_mirrored(monitor):
-    """Whether the accelerometer agrees with the speed of a car that reverses."""
-    off = monitor.filtered + monitor.speed.derivative - monitor.check.reference
-    return abs(off) <= monitor.check.limit
+def _off_the_other_way(monitor):
+    """By how many m/s^2 the accelerometer is off the speed of a car that moves the other way."""
+    derivative = as_the_car_moves(monitor, monitor.speed.derivative)
+    return monitor.check.residual + 2.0 * derivative
 
 
 @inner
 def follow_reversing(monitor):
     """A car that only fits if it drives forward does."""
-    if monitor.reverses and not (is_exceeded(monitor.check) or _fits_mirrored(monitor)):
-        monitor.reverses = False
+    fits = abs(_off_the_other_way(monitor)) <= FITS * abs(monitor.check.residual)
+    if monitor.reverses and is_exceeded(monitor.check) and fits:
+        _turn(monitor, False)
 
 
 @inner
 def may_reverse(monitor):
-    """Whether what disagrees with the speed may be a car that reverses, or just drives off."""
-    possible = monitor.reverses or not isnan(monitor.gained)
+    """Whether what disagrees with the speed may be a car that just drives off, the other way."""
     by_speed = monitor.check.ground == Ground.HOST_SPEED and is_exceeded(monitor.check)
-    return possible and by_speed and _fits_mirrored(monitor)
+    fits = abs(_off_the_other_way(monitor)) <= monitor.check.limit
+    return not isnan(monitor.gained) and by_speed and fits

@@ -25,7 +25,7 @@ from lfd_diagnosis.acceleration_against_speed import (
     slope_after,
     speed_may_be_wrong,
 )
-from lfd_diagnosis.acceleration_direction import follow_direction, may_reverse
+from lfd_diagnosis.acceleration_direction import as_the_car_moves, follow_direction, may_reverse
 from lfd_diagnosis.acceleration_jump import came_at_once, is_measured, restart_jump
 from lfd_diagnosis.acceleration_size import DRIFT_TIME, SLOPE_DRIFT, find_size
 from lfd_diagnosis.acceleration_state import (
@@ -160,6 +160,7 @@ def follow_acceleration(monitor, settings, horizon):
         felt = monitor.acceleration
         if not monitor.faulty and is_possible(monitor):
             felt = monitor.filtered - monitor.slope
+        felt = as_the_car_moves(monitor, felt)
         follow_speed(speed, settings, now, time, value, felt, monitor.shaken)
     else:
         lose_speed(speed)
@@ -169,7 +170,7 @@ def follow_acceleration(monitor, settings, horizon):
     else:
         lose_samples(monitor)
     if is_usable(speed, settings):
-        monitor.acceleration = speed.derivative
+        monitor.acceleration = as_the_car_moves(monitor, speed.derivative)
     elif usable and not monitor.faulty and is_possible(monitor):
         ended = came_to_rest(speed) or (monitor.jumped_for and ends_braking(monitor))
         if monitor.jumped_for and swings_over_bumps(monitor):
@@ -208,9 +209,10 @@ def _follow_braking(monitor, value):
     rests, heard = came_to_rest(monitor.speed), not isnan(value)
     monitor.braked *= 1.0 - BRAKING_FADES
     if heard:
-        monitor.braked = max(monitor.braked, monitor.slope - monitor.filtered)
+        slows = as_the_car_moves(monitor, monitor.slope - monitor.filtered)
+        monitor.braked = max(monitor.braked, slows)
     monitor.stops_from = max(monitor.stops_from, monitor.braked) if rests else 0.0
-    ends = rests or monitor.slope - value < ENDS * monitor.braked
+    ends = rests or as_the_car_moves(monitor, monitor.slope - value) < ENDS * monitor.braked
     monitor.jolt = monitor.braked if heard and ends and monitor.braked > BRAKED_HARD else 0.0
 
 
@@ -268,13 +270,14 @@ def _follow_while_held(monitor, settings, same):
     A late speed comes to what was felt before: that is no reason to change, its leaving it is.
     """
     speed = monitor.speed
+    derivative = as_the_car_moves(monitor, speed.derivative)
     if not same:
         monitor.felt_when_held = monitor.taken - monitor.slope
-        monitor.derivative_when_held = speed.derivative
+        monitor.derivative_when_held = derivative
     elif is_usable(speed, settings):
         felt, then = monitor.felt_when_held, monitor.derivative_when_held
-        if isnan(then) or abs(speed.derivative - felt) < abs(then - felt):
-            monitor.derivative_when_held = speed.derivative
+        if isnan(then) or abs(derivative - felt) < abs(then - felt):
+            monitor.derivative_when_held = derivative
 
 
 @inner
@@ -283,8 +286,9 @@ def _start_filters(monitor, settings, value):
     time what speed and slope say."""
     monitor.filtered = monitor.slow_filtered = value
     if is_usable(monitor.speed, settings) and monitor.slope_known > 0.0 and not monitor.faulty:
-        monitor.filtered = monitor.speed.derivative + monitor.slope
-        monitor.slow_filtered = monitor.speed.slow_derivative + monitor.slope
+        monitor.filtered = as_the_car_moves(monitor, monitor.speed.derivative) + monitor.slope
+        slow = as_the_car_moves(monitor, monitor.speed.slow_derivative)
+        monitor.slow_filtered = slow + monitor.slope
 
 
 @inner
@@ -510,10 +514,11 @@ def _should_have_changed(monitor, settings, usable, relative_velocity):
         # Each of its steps shows in its derivative.
         change += SPEED_STEPS * resolution_of(speed.roughness) / settings.host_speed_filter_time
     change += allowance_of(monitor, settings)
-    if abs(speed.derivative - monitor.derivative_when_held) > change:
+    derivative = as_the_car_moves(monitor, speed.derivative)
+    if abs(derivative - monitor.derivative_when_held) > change:
         return True
     # What is held was measured once; a zero was not.
-    zero_for = speed.derivative + monitor.slope
+    zero_for = derivative + monitor.slope
     doubt = ZERO_SIGMA * deviation(monitor.slow_noise)
     return monitor.repetition.value == 0.0 and abs(zero_for) > change + doubt
 

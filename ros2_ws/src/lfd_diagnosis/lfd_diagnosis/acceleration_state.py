@@ -281,11 +281,17 @@ def forgive_acceleration(monitor):
     monitor.level, monitor.level_for = np.nan, 0.0
     monitor.size = monitor.size_std = monitor.off = monitor.felt = np.nan
     monitor.settled = 0
-    forget_baseline(monitor)
     # The way back is no noise.
+    forget_differences(monitor)
+    monitor.back_for, monitor.settling = 0, False
+
+
+@inner
+def forget_differences(monitor):
+    """What differed between accelerometer and speed until now tells nothing of what will."""
+    forget_baseline(monitor)
     restart_jump(monitor.jump)
     start_bend(monitor.bend)
-    monitor.back_for, monitor.settling = 0, False
 
 
 @inner
