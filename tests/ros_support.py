@@ -51,10 +51,9 @@ def run(*arguments: str | Path, **options) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [ROOT / "run", *arguments],
         env={**os.environ, "ROS_DOMAIN_ID": str(next_domain())},
-        capture_output=True,
         text=True,
         timeout=300,
-        **options,
+        **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options},
     )
 
 

@@ -458,6 +458,24 @@ def test_a_full_disk_under_what_is_printed_is_one_line(times: int) -> None:
     assert "the output cannot be written (No space left on device)" in done.stderr
 
 
+@pytest.mark.parametrize("status", [0, 2])
+@pytest.mark.parametrize("how", ["print('a line', flush=True)", "Console().print('a line')"])
+def test_a_reader_that_goes_costs_a_command_only_what_it_prints(how: str, status: int) -> None:
+    """As `| head` does: what comes afterwards is done, and the status is the command's own."""
+    reader, closed = os.pipe()
+    os.close(reader)
+    program = f"""
+from rich.console import Console
+from lfd_replay.errors import run_command
+exit(run_command(lambda _: ({how}, open(2, "w", closefd=False).write("done"), {status})[-1]))
+"""
+    with open(closed, "w") as output:
+        done = subprocess.run(
+            [sys.executable, "-c", program], stdout=output, stderr=subprocess.PIPE, text=True
+        )
+    assert (done.returncode, done.stderr) == (status, "done")
+
+
 @pytest.mark.parametrize(
     ("command", "arguments", "said"),
     [

@@ -92,6 +92,27 @@ def test_separate_processes_publish_what_offline_says(drive_file: Path, fault: s
         assert [process.returncode for process in started] == [0, 0, 0]
 
 
+@pytest.mark.parametrize("full", [False, True])
+@pytest.mark.parametrize("command", [("replay", "--drive"), ("simulate", "--lead")])
+def test_what_cannot_be_printed_costs_no_recording(
+    command: tuple[str, str], full: bool, drive_file: Path, tmp_path: Path
+) -> None:
+    """Neither `| head -1` nor a full disk under the text; that is said when all else is done."""
+    reader, closed = os.pipe()
+    os.close(reader)
+    name, option = command
+    what = str(drive_file) if name == "replay" else "20,-1@0-1"
+    with open("/dev/full" if full else closed, "w") as output:
+        arguments = (name, option, what, "--rate", "0", "--out", str(tmp_path))
+        done = run("lfd_bringup", *arguments, stdout=output)
+    said = "the output cannot be written" if full else ""
+    assert done.returncode == (2 if full else 0), done.stderr
+    assert done.stderr.count("\n") == full and said in done.stderr
+    assert (tmp_path / "report.html").exists() and (tmp_path / "summary.json").exists()
+    with AnyReader([tmp_path / "bag"]) as bag:
+        assert {c.topic for c in bag.connections if c.msgcount} >= {"/diagnosis/faults"}
+
+
 def test_replay_leaves_bag_report_and_timeline(drive_file: Path, tmp_path: Path) -> None:
     fault = "offset:acceleration=4@1-2"
     out = tmp_path / "out"

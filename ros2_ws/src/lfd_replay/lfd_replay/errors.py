@@ -4,7 +4,8 @@ import errno
 import os
 import sys
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import redirect_stderr, redirect_stdout, suppress
+from typing import Any, TextIO
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.starting import INTERRUPTED
@@ -28,32 +29,80 @@ def refusal(error: Exception) -> str | None:
     return str(error) if isinstance(error, UserError) else None
 
 
-def _leave_output() -> None:
-    """What could not be printed is not tried again at exit, which would say so at length."""
-    with suppress(OSError, ValueError):
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)
+class _Printed:
+    """A stream that people read: what cannot be printed on it is lost, and nothing else with it.
+
+    A recording, a report or other drives may be unwritten when a line of text cannot be printed.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        """`stream`: where it is printed; `full` is why no more can be, where that is a mistake."""
+        self._stream = stream
+        self.full: OSError | None = None
+
+    def write(self, text: str) -> int:
+        """Print, or lose, a text. Raises OSError for what is neither a closed pipe nor a full
+        disk."""
+        self._attempt(lambda: self._stream.write(text))
+        return len(text)
+
+    def flush(self) -> None:
+        """Print, or lose, what was written. Raises OSError as `write` does."""
+        self._attempt(self._stream.flush)
+
+    def __getattr__(self, name: str) -> Any:
+        """Whatever else is asked of a stream."""
+        return getattr(self._stream, name)
+
+    def _attempt(self, printing: Callable[[], object]) -> None:
+        try:
+            printing()
+        except BrokenPipeError:
+            # The reader of our output has gone: nothing is left to be said.
+            self._leave()
+        except OSError as error:
+            if error.errno not in DISK_FULL:
+                raise
+            self.full = error
+            self._leave()
+
+    def _leave(self) -> None:
+        """What could not be printed is not tried again at exit, which would say so at length."""
+        with suppress(OSError, ValueError):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, self._stream.fileno())
+            os.close(nowhere)
 
 
 def run_command(command: Callable[[list[str]], int], arguments: list[str] | None = None) -> int:
-    """Run a command line; returns its exit status."""
+    """Run a command line; returns its exit status.
+
+    What it prints may be cut off by whoever reads it, which is no failure, or by a full disk, which
+    is one when all else is done.
+    """
+    printed = _Printed(sys.stdout), _Printed(sys.stderr)
+    with redirect_stdout(printed[0]), redirect_stderr(printed[1]):
+        try:
+            status = _status(command, sys.argv[1:] if arguments is None else arguments)
+        finally:
+            for stream in printed:
+                stream.flush()
+        for stream in printed:
+            if stream.full is not None:
+                print(refusal(stream.full), file=sys.stderr)
+                status = status or 2
+    return status
+
+
+def _status(command: Callable[[list[str]], int], arguments: list[str]) -> int:
+    """Exit status of a command, whose failure is told."""
     try:
-        status = command(sys.argv[1:] if arguments is None else arguments)
-        sys.stdout.flush()
-        return status
-    except BrokenPipeError:
-        # The reader of our output has gone: nothing is left to be said.
-        sys.stderr.close()
-        _leave_output()
-        return 0
+        return command(arguments)
     except KeyboardInterrupt:
         return INTERRUPTED
     except (UserError, OSError) as error:
         said = refusal(error)
         if said is None:
             raise
-        if isinstance(error, OSError) and error.filename is None:
-            _leave_output()
         print(said, file=sys.stderr)
         return 2
