@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from test_live_equals_offline import drive
 
 from lfd_diagnosis.verdict import State
+from lfd_mpc.errors import UserError
 from lfd_mpc.samples import (
     ACCELERATION,
     HOST_SPEED,
@@ -14,9 +16,11 @@ from lfd_mpc.samples import (
     ScalarSample,
 )
 from lfd_replay.command_line import idle_faults
-from lfd_replay.drive import Drive
+from lfd_replay.drive import LATEST, Drive
 from lfd_replay.fault_injector import LiveFaults
-from lfd_replay.faults import FaultInjector, parse_faults, truth_windows
+from lfd_replay.faults import MEASURED, WITH_VALUE, FaultInjector, parse_faults, truth_windows
+from lfd_replay.offline import OfflineGraph
+from lfd_replay.profiles import graph_settings
 from lfd_replay.score import SIGNALS, Timeline, score, score_sensor, shown, summary_rows
 
 ZERO = 5_000_000_000
@@ -97,6 +101,27 @@ def test_hold_keeps_the_last_value_before_the_start() -> None:
 
 def test_delay_gives_the_value_of_an_earlier_sample_with_the_present_stamp() -> None:
     assert values("delay:acceleration=0.5@1-3", [0, 0.5, 1, 1.4, 2]) == [0, 0.5, 0.5, 0.5, 1.4]
+
+
+def test_a_delay_beyond_all_stamps_is_refused() -> None:
+    """No whole number of ns is made of the greatest of them; live it ended the injector."""
+    assert values(f"delay:acceleration={LATEST - 1}@1-3", [0, 1, 2]) == [0, 0, 0]
+    for seconds in (f"{LATEST}", "1e300"):
+        with pytest.raises(UserError, match=f"a delay of less than {LATEST} s is expected"):
+            parse_faults([f"delay:clearance={seconds}@5-9"])
+
+
+@pytest.mark.parametrize("kind", sorted({*WITH_VALUE} - {"delay"}))
+@pytest.mark.parametrize("value", ["1e300", "-1e308", "1.7e308"])
+@pytest.mark.filterwarnings("error")
+def test_no_finite_value_of_a_fault_is_too_much_for_the_graph(kind: str, value: str) -> None:
+    if kind == "noise":
+        value = value.removeprefix("-")
+    graph = OfflineGraph(graph_settings("robust"))
+    faults = ",".join(f"{signal}={value}" for signal in MEASURED)
+    injector = FaultInjector(parse_faults([f"{kind}:{faults}@1-2"]), 0, seed=0)
+    steps = list(graph.run(injector.apply(drive(3.0))))
+    assert len(steps) > 250 and math.isfinite(steps[-1].horizon.command)
 
 
 def test_noise_depends_on_seed_signal_and_stamp_only() -> None:

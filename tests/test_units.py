@@ -85,6 +85,14 @@ def test_nothing_is_made_of_little_or_of_nonsense() -> None:
     assert not list(odd_units(streams_of(nothing)))
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("size", [1e200, 1e308])
+def test_values_too_large_to_be_summed_are_told_of_in_our_own_words(size: float) -> None:
+    """numpy's warnings, with lines of its source, reach no user."""
+    samples = generate_drive("stop-and-go", 1, "esr").samples
+    list(odd_units(put_into(samples, scaled(velocity=size, felt=size))))
+
+
 def test_a_stamp_far_ahead_and_time_that_begins_again_are_no_contradiction() -> None:
     samples = generate_drive("stop-and-go", 1, "esr").samples
     ahead = [replace(s, stamp=s.stamp + 2**60) if k == 500 else s for k, s in enumerate(samples)]

@@ -109,6 +109,8 @@ def _value(text: str, kind: str, signal: str, equals: str, value_text: str) -> f
         )
     if kind in ("noise", "delay") and value < 0:
         raise UserError(f"fault '{text}': the value of {kind} must not be negative, got {value:g}")
+    if kind == "delay" and value >= LATEST:
+        raise UserError(f"fault '{text}': a delay of less than {LATEST} s is expected")
     return value
 
 

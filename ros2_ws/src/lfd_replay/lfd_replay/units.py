@@ -86,6 +86,11 @@ def _changes(made: Array) -> bool:
     return len(made) >= LEAST_WINDOWS and (np.abs(made) >= LEAST_CHANGE).mean() >= MOVING
 
 
+# Of values that no sensor gives, sums may be too large for a number: there is no ratio then.
+_of_any_size = np.errstate(over="ignore", invalid="ignore")
+
+
+@_of_any_size
 def _usual_ratio(known: Array, noisy: Array) -> float | None:
     """By what `noisy` (n,) is a steady multiple of what is `known` better (n,); None where there is
     no such ratio."""
@@ -117,6 +122,7 @@ def _named(ratio: float | None, units: dict[float, str]) -> str:
     return ", ".join(said)
 
 
+@_of_any_size
 def _radar_changes(stream: Sequence[Sample]) -> tuple[Array, Array]:
     """By what the relative velocity says that the clearance changes, and by what it does, in
     windows of one target (m)."""
@@ -131,6 +137,7 @@ def _radar_changes(stream: Sequence[Sample]) -> tuple[Array, Array]:
     return path[last] - path[first], values[last, 0] - values[first, 0]
 
 
+@_of_any_size
 def _host_changes(streams: dict[str, list[Sample]]) -> tuple[Array, Array]:
     """What the acceleration says of how the speed changes, and what it does, from one window to the
     next (m/s)."""
