@@ -519,6 +519,59 @@ def test_a_given_file_replaces_the_column_of_the_first(tmp_path: Path) -> None:
     assert drive.count(HOST_SPEED) == 3
 
 
+def joined_with_accelerations(folder: Path, first_s: float, seconds: float) -> list[str]:
+    """Ten seconds of radar, and an acceleration file of its own, as options of import_drive."""
+    rows = (f"{k / 20},30,0,15," for k in range(201))
+    felt = (f"{first_s + k / 100:.2f},0.1" for k in range(round(seconds * 100) + 1))
+    recording = csv(folder, *rows, name="radar.csv")
+    accel = csv(folder, *felt, header="t_s,host_accel_mps2", name="accel.csv")
+    return [str(recording), "--accel", str(accel), "-o", str(folder / "out.mcap")]
+
+
+@pytest.mark.parametrize(
+    ("first_s", "seconds", "told"),
+    [
+        (0.0, 9.5, []),
+        (0.0, 4.0, ["acceleration ends 6.00 s before the drive does"]),
+        (3.0, 7.0, ["acceleration begins 3.00 s after the drive does"]),
+        (
+            1.7e9,
+            10.0,
+            [
+                "radar ends 1700000000.00 s before the drive does",
+                "acceleration begins 1700000000.00 s after the drive does",
+                "host_speed ends 1700000000.00 s before the drive does",
+                "the graph cannot run on it: radar ends 1699999990.000 s before acceleration "
+                "begins: they are never there at once",
+            ],
+        ),
+    ],
+)
+def test_inputs_that_are_there_for_part_of_the_time_are_told_of(
+    first_s: float, seconds: float, told: list[str], tmp_path: Path, capsys
+) -> None:
+    assert run_command(main_import, joined_with_accelerations(tmp_path, first_s, seconds)) == 0
+    out = tmp_path / "out.mcap"
+    prefix = f"warning: {tmp_path / 'radar.csv'}: "
+    assert capsys.readouterr().err.splitlines() == [prefix + line for line in told]
+    assert main_inspect([str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert all(line in printed for line in told)
+
+
+def test_a_drive_that_the_graph_cannot_run_on_is_told_of_by_all_alike(
+    tmp_path: Path, capsys
+) -> None:
+    """Each step of an empty road is ready: the figures alone look like those of a healthy drive."""
+    path = str(csv(tmp_path, *(f"{k / 20},,,15,0.1" for k in range(60))))
+    said = "the graph cannot run on it: the radar never sees a lead"
+    assert main_inspect([path]) == 0 and said in capsys.readouterr().out
+    for arguments in ([path], [path, path, "--jobs", "1"]):
+        assert main_evaluate(arguments) == 0
+        errors = capsys.readouterr().err.splitlines()
+        assert set(errors) == {f"warning: {path}: {said}"}
+
+
 @pytest.mark.parametrize(
     "key", ["mpc_node", "/mpc_node", "/car/mpc_node", "/**/mpc_node", "/**", "/*", "'*'"]
 )

@@ -19,8 +19,9 @@ from rich.progress import (
 from rich.table import Table
 
 from lfd_mpc.errors import UserError
-from lfd_replay.drive import Drive
+from lfd_replay.drive import Drive, streams_of
 from lfd_replay.faults import Fault, spared_signals
+from lfd_replay.inspection import cannot_run, inspect_streams
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, known_profile
 from lfd_replay.read_drive import add_read_options
 from lfd_replay.score import SUMMARY_COLUMNS, summary_rows
@@ -142,9 +143,15 @@ def idle_faults(drive: Drive, faults: list[Fault]) -> list[str]:
     return said
 
 
+def oddities_of(drive: Drive, faults: list[Fault]) -> list[str]:
+    """What was accepted although it looks odd, in words: a drive, and faults on it."""
+    unfit = cannot_run(inspect_streams(streams_of(drive.samples))["missing"])
+    return [*drive.warnings, *([unfit] if unfit else []), *idle_faults(drive, faults)]
+
+
 def warn(drive: Drive, faults: list[Fault]) -> None:
     """Say on stderr what was accepted although it looks odd."""
-    say_warnings(drive.name, [*drive.warnings, *idle_faults(drive, faults)])
+    say_warnings(drive.name, oddities_of(drive, faults))
 
 
 def say_warnings(name: str, warnings: Iterable[str]) -> None:

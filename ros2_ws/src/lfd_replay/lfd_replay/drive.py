@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_mpc.errors import UserError
-from lfd_mpc.samples import ACCELERATION, RADAR, RadarSample, Sample
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
 from lfd_mpc.sampling import AHEAD_NS
 
 LATEST = 2**31
@@ -162,6 +162,25 @@ def _oddities(streams: dict[str, list[Sample]]) -> Iterable[str]:
                 yield f"{count} {name} stamps are {what}"
         if len(gaps) and gaps.max() > AHEAD_NS:
             yield f"{name} is silent for up to {gaps.max() * 1e-9:.2f} s"
+
+
+def partly_there(streams: dict[str, list[Sample]]) -> Iterable[str]:
+    """Inputs of the car itself that begin late or end early, in words.
+
+    First and last are those recorded so: one wrong stamp between them does not count.
+    """
+    spans = {
+        name: (stream[0].stamp, stream[-1].stamp)
+        for name in (RADAR, ACCELERATION, HOST_SPEED)
+        if (stream := streams.get(name))
+    }
+    begin = min((first for first, _ in spans.values()), default=0)
+    end = max((last for _, last in spans.values()), default=0)
+    for name, (first, last) in spans.items():
+        if first - begin > AHEAD_NS:
+            yield f"{name} begins {(first - begin) * 1e-9:.2f} s after the drive does"
+        if end - last > AHEAD_NS:
+            yield f"{name} ends {(end - last) * 1e-9:.2f} s before the drive does"
 
 
 def _finite(sample: Sample) -> bool:

@@ -17,16 +17,15 @@ from lfd_replay.command_line import (
     add_drive_options,
     add_jobs_option,
     add_profile_option,
-    idle_faults,
+    oddities_of,
     print_table,
     result_table,
-    warn,
+    say_warnings,
 )
-from lfd_replay.drive import Drive, streams_of
+from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate_many import drives_of, evaluate_all, many_table, say_failures
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
-from lfd_replay.inspection import inspect_streams
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.paths import refuse_to_overwrite
 from lfd_replay.profiles import GraphSettings, graph_settings
@@ -66,18 +65,18 @@ def _judge(path: Path, question: Question) -> tuple[Drive, dict, Timeline]:
         line = row_timeline(graph.rows(_with_faults(drive, question)), drive.zero)
         elapsed = reading + time.perf_counter() - began
     result = _figures(path, drive, question, line, elapsed)
-    said = (*drive.warnings, *idle_faults(drive, question.faults), *_not_judged(drive, result))
+    said = (*oddities_of(drive, question.faults), *_not_judged(result))
     return replace(drive, warnings=said), result, line
 
 
-def _not_judged(drive: Drive, result: dict) -> list[str]:
-    """Says of a drive that shows nothing why: its figures look like those of a healthy one."""
+def _not_judged(result: dict) -> list[str]:
+    """Says of a drive that it shows nothing: its figures look like those of a healthy one."""
     never = [name for name, own in result["sensors"].items() if not own["ready_fraction"]]
     if not never:
         return []
-    what = f"never ready: {', '.join(never)}" if result["steps"] else "no steps: nothing was judged"
-    missing = inspect_streams(streams_of(drive.samples))["missing"]
-    return [f"{what} ({'; '.join(missing)})" if missing else what]
+    return [
+        f"never ready: {', '.join(never)}" if result["steps"] else "no steps: nothing was judged"
+    ]
 
 
 def _fetch_compiled(settings: GraphSettings) -> None:
@@ -188,7 +187,7 @@ def _evaluate_one(path: Path, question: Question, options: argparse.Namespace) -
         _report_drive(drive, question, sensors, options.report)
     if options.json:
         write_text(options.json, json.dumps(result, indent=1, allow_nan=False) + "\n")
-    warn(drive, [])
+    say_warnings(drive.name, drive.warnings)
     title = (
         f"{drive.name}: {result['duration_s']:.1f} s, {result['steps']} steps in "
         f"{result['elapsed_s']:.2f} s ({result['realtime_factor']:.0f} x real time), "

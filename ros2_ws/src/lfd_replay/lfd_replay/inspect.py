@@ -11,20 +11,19 @@ from lfd_mpc.errors import UserError
 from lfd_mpc.samples import Sample
 from lfd_replay.command_line import print_table
 from lfd_replay.errors import WrongOption, run_command
-from lfd_replay.inspection import bag_topics, inspect_streams, remarks
+from lfd_replay.inspection import bag_topics, cannot_run, inspect_streams, remarks
 from lfd_replay.paths import refuse_to_overwrite
-from lfd_replay.placeholders import placeholders
 from lfd_replay.read_drive import (
     DRIVE_HELP,
     ReadOptions,
     add_read_options,
     files_read,
+    oddities,
     read_as_it_is,
     read_options,
     read_streams,
 )
 from lfd_replay.text_file import write_text
-from lfd_replay.units import odd_units
 
 
 def _figure(value: float | None, unit: str = "", digits: int = 3) -> str:
@@ -89,8 +88,7 @@ def main_inspect(arguments: list[str]) -> int:
     figures = inspect_streams(streams)
     if problem:
         figures["runs"], figures["missing"] = False, [problem]
-    oddities = (*odd_units(streams), *placeholders(streams))
-    notes = [*damage, *remarks(figures), *oddities] if streams else []
+    notes = [*damage, *remarks(figures), *oddities(streams)] if streams else []
     result = {
         "drive": str(options.drive),
         **figures,
@@ -107,10 +105,7 @@ def main_inspect(arguments: list[str]) -> int:
     print_table(_inputs_table(figures, f"{options.drive}: {figures['duration_s']:.1f} s"))
     for note in notes:
         print(f"note: {note}")
-    if figures["missing"]:
-        print("the graph cannot run on it: " + "; ".join(figures["missing"]))
-    else:
-        print("the graph can run on it")
+    print(cannot_run(figures["missing"]) or "the graph can run on it")
     return 0
 
 

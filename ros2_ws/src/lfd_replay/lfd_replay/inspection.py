@@ -65,6 +65,11 @@ def inspect_streams(streams: dict[str, list[Sample]]) -> dict:
     }
 
 
+def cannot_run(missing: Sequence[str]) -> str:
+    """That the graph cannot run on a recording, and what is missing; empty where nothing is."""
+    return f"the graph cannot run on it: {'; '.join(missing)}" if missing else ""
+
+
 def _inspect(stream: Sequence[Sample]) -> dict:
     stamps = stamps_of(stream)
     steps = np.diff(stamps)

@@ -1,7 +1,7 @@
 """Any drive by its path: CSV file, bag, CAN log or a folder of a public data set."""
 
 import argparse
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
@@ -11,7 +11,7 @@ import numpy as np
 from lfd_mpc.collector import without_collector
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, Sample, ScalarSample
-from lfd_replay.drive import Drive, make_drive
+from lfd_replay.drive import Drive, make_drive, partly_there
 from lfd_replay.drive_bag import OPTIONS, Topics, read_bag_streams
 from lfd_replay.drive_csv import read_csv_as_it_is, read_csv_streams
 from lfd_replay.errors import WrongOption
@@ -269,10 +269,14 @@ def read_drive(path: Path, options: ReadOptions | None = None) -> Drive:
 def as_read(path: Path, streams: dict[str, list[Sample]], remarks: Iterable[str]) -> Drive:
     """A drive of what was read from a path, and all that there is to warn of. Raises UserError."""
     drive = make_drive(str(path), streams)
-    return replace(
-        drive,
-        warnings=(*remarks, *drive.warnings, *odd_units(streams), *placeholders(streams)),
-    )
+    return replace(drive, warnings=(*remarks, *drive.warnings, *oddities(streams)))
+
+
+def oddities(streams: dict[str, list[Sample]]) -> Iterator[str]:
+    """What readers of a recording, and those who inspect it, are told of what its inputs say."""
+    yield from partly_there(streams)
+    yield from odd_units(streams)
+    yield from placeholders(streams)
 
 
 def _neighbours(path: Path) -> str:
