@@ -98,6 +98,28 @@ def test_nan_samples_are_accepted_and_warned_of(tmp_path: Path) -> None:
     assert len(drive.warnings) == 2 and all("count as no sample" in w for w in drive.warnings)
 
 
+@pytest.mark.parametrize("value", ["nan", "inf"])
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("{t},30,-1,15,{value}", "no acceleration sample at all: each of its 40 is NaN or infin"),
+        ("{t},{value},{value},15,0.1", "no radar sample at all: each of its 40 is NaN or infinite"),
+    ],
+)
+def test_samples_that_are_all_nan_are_none_at_all(
+    row: str, said: str, value: str, tmp_path: Path, capsys
+) -> None:
+    path = csv(tmp_path, *(row.format(t=k / 20, value=value) for k in range(40)))
+    with pytest.raises(UserError, match=f"{said}.*; a drive needs radar and acceleration"):
+        read_drive(path)
+    assert main_inspect([str(path)]) == 0
+    assert f"the graph cannot run on it: {said}" in " ".join(capsys.readouterr().out.split())
+    # What has one sample is a drive, and so is an empty road or one of the radar's two signals.
+    rows = ("0,30,-1,15,0.1", *(row.format(t=k / 20, value=value) for k in range(1, 40)))
+    for more in (rows, ("0,,,15,0.1", "0.05,,,15,0.1"), ("0,30,,15,0.1", "0.05,30,,15,0.1")):
+        read_drive(csv(tmp_path, *more))
+
+
 def test_damaged_rows_are_counted(tmp_path: Path, capsys) -> None:
     """A short row is read as an empty road, and a file may be cut off within its last number."""
     path = csv(tmp_path, ROWS[0], "0.05,29.9,-1", "0.07", ROWS[2])

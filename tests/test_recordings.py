@@ -704,7 +704,7 @@ def test_inspect_takes_what_the_graph_cannot_run_on(tmp_path: Path, capsys) -> N
     rows[20:20] = [rows[19], rows[19]]
     csv.write_text("t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2\n" + "\n".join(rows))
     found = inspected(csv, tmp_path)
-    assert found["missing"] == ["no acceleration sample"]
+    assert found["missing"] == ["no acceleration sample at all"]
     assert found["inputs"][RADAR]["share_with_lead"] == pytest.approx(0.5, abs=0.05)
     assert found["inputs"][RADAR]["repeated_stamps"] == 2
     assert any("repeated stamps" in remark for remark in found["remarks"])

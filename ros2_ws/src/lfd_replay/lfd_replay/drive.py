@@ -63,11 +63,13 @@ def make_drive(name: str, streams: dict[str, list[Sample]]) -> Drive:
     Raises UserError where there is no radar or no acceleration sample at all.
     """
     for needed in (RADAR, ACCELERATION):
-        if not streams.get(needed):
-            there = ", ".join(f"{len(v)} of {k}" for k, v in streams.items() if v) or "nothing"
+        lack = nothing_of(needed, streams)
+        if lack:
+            counts = {k: sum(map(_says_something, v)) for k, v in streams.items()}
+            there = ", ".join(f"{count} of {k}" for k, count in counts.items() if count)
             raise UserError(
-                f"{name}: no {needed} sample at all; a drive needs radar and acceleration, "
-                f"this one has {there}"
+                f"{name}: {lack}; a drive needs radar and acceleration, "
+                f"this one has {there or 'nothing'}"
             )
     return Drive(name, tuple(_merge(streams)), tuple(_oddities(streams)))
 
@@ -181,6 +183,23 @@ def partly_there(streams: dict[str, list[Sample]]) -> Iterable[str]:
             yield f"{name} begins {(first - begin) * 1e-9:.2f} s after the drive does"
         if end - last > AHEAD_NS:
             yield f"{name} ends {(end - last) * 1e-9:.2f} s before the drive does"
+
+
+def nothing_of(name: str, streams: dict[str, list[Sample]]) -> str:
+    """That there is no sample of an input, in words; empty where there is one."""
+    stream = streams.get(name, ())
+    if any(map(_says_something, stream)):
+        return ""
+    empty = f": each of its {len(stream)} is NaN or infinite, which is none" if stream else ""
+    return f"no {name} sample at all{empty}"
+
+
+def _says_something(sample: Sample) -> bool:
+    """Whether there is anything finite in a sample; that the road is empty is something, too."""
+    if isinstance(sample, RadarSample):
+        said = (sample.clearance, sample.relative_velocity)
+        return not sample.has_target or any(map(isfinite, said))
+    return isfinite(sample.value)
 
 
 def _finite(sample: Sample) -> bool:

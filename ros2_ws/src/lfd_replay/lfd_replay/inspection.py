@@ -18,7 +18,7 @@ from lfd_mpc.samples import (
     ScalarSample,
 )
 from lfd_mpc.sampling import AHEAD_NS
-from lfd_replay.drive import stamps_of
+from lfd_replay.drive import nothing_of, stamps_of
 from lfd_replay.drive_bag import open_bag
 from lfd_replay.read_drive import is_bag
 
@@ -56,7 +56,7 @@ def inspect_streams(streams: dict[str, list[Sample]]) -> dict:
     """Figures of every input; times in s, None where there is nothing to tell."""
     inputs = {name: _inspect(streams.get(name, ())) for name in INPUTS}
     stamps = [sample.stamp for stream in streams.values() for sample in stream]
-    missing = [*_missing(inputs), *_apart(streams)]
+    missing = [*_missing(inputs, streams), *_apart(streams)]
     return {
         "duration_s": (max(stamps) - min(stamps)) * 1e-9 if stamps else 0.0,
         "inputs": inputs,
@@ -111,13 +111,14 @@ def _range(values: Sequence[float]) -> dict:
     }
 
 
-def _missing(inputs: dict[str, dict]) -> list[str]:
+def _missing(inputs: dict[str, dict], streams: dict[str, list[Sample]]) -> list[str]:
     """What the graph lacks, in words."""
     missing = []
     for name, slowest in LONGEST_PERIOD.items():
         figures = inputs[name]
-        if not figures["samples"]:
-            missing.append(f"no {name} sample")
+        lack = nothing_of(name, streams)
+        if lack:
+            missing.append(lack)
         elif figures["period_s"] is None:
             missing.append(f"{name}: one sample tells nothing")
         elif figures["period_s"] > CLOCK_OFF * slowest:
