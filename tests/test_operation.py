@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import subprocess
 import time
 import xml.etree.ElementTree as ElementTree
@@ -601,6 +602,29 @@ def test_markers_have_the_colour_of_the_worst_state(of_radar, of_acceleration, s
 
 def test_every_state_has_a_colour_of_its_own() -> None:
     assert set(COLOURS) == set(State) and len(set(COLOURS.values())) == len(State)
+
+
+# --- scripts of a user's own
+
+ASKS = "ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTRTPS_DEFAULT_PROFILES_FILE"
+
+
+@pytest.mark.parametrize("given", [("SUBNET", "own.xml"), ("", "")])
+def test_a_command_in_the_workspace_runs_where_and_as_its_caller_says(
+    given: tuple[str, str], tmp_path: Path
+) -> None:
+    program = f"import os; print(os.getcwd(), *(os.environ[name] for name in {ASKS}), sep='\\n')"
+    done = subprocess.run(
+        [ROOT / "tools/in_workspace", "python", "-c", program],
+        cwd=tmp_path,
+        env={**os.environ, **dict(zip(ASKS, given, strict=True))},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    where, discovery, profile = done.stdout.splitlines()
+    assert where == str(tmp_path) and discovery == (given[0] or "LOCALHOST")
+    assert profile == given[1] or (not given[1] and Path(profile).name == "fastdds.xml")
 
 
 # --- make
