@@ -160,6 +160,15 @@ RADAR_QOS = "qos_overrides./radar/target.subscription"
         (["lfd_mpc", "mpc_node", "--ros-args", "-p", f"{RADAR_QOS}.reliability:=x"], "best_effort"),
         (["lfd_mpc", "mpc_node", "--ros-args", "-p", f"{RADAR_QOS}.depth:=-1"], "0 to 1000000"),
         (["lfd_mpc", "mpc_node", "--ros-args", "-p", f"{RADAR_QOS}.depth:={10**11}"], "0 to 1000"),
+        (
+            ["lfd_mpc", "mpc_node", "--ros-args", "-p", f"{RADAR_QOS[:-1]}.depth:=9"],
+            "known: qos_ov",
+        ),
+        (
+            ["lfd_mpc", "mpc_node", "--ros-args", "-p", f"{RADAR_QOS}.dept:=9"],
+            f"{RADAR_QOS}.depth,",
+        ),
+        (["lfd_observer", "observer_node", "--ros-args", "-p", f"{RADAR_QOS}.depth:=9"], "none"),
         (["lfd_observer", "observer_node", "--ros-args", "-p", "lags:=[]"], "lags"),
         (["lfd_vehicle", "vehicle_node", "--ros-args", "-p", "rate:=1.0e-12"], "0.001 to 100"),
         (["lfd_diagnosis", "diagnosis_node", "--ros-args", "-p", "markers:=3"], "markers"),

@@ -47,6 +47,9 @@ REFUSED_PARAMETER = (
 )
 """What rclpy raises where a parameter is declared that was given another value."""
 
+QOS_PREFIX = "qos_overrides."
+"""What the names of parameters of quality of service begin with."""
+
 LARGEST_DOMAIN = 232
 """Beyond it there are no ports."""
 
@@ -290,12 +293,24 @@ def loading() -> Iterator[None]:
         raise
 
 
+def _refuse_unknown_qos(node: Node) -> None:
+    """What names no topic, kind or policy of the node would be ignored. Raises UserError."""
+    # What describes parameters takes long to load: not before the node has joined.
+    from lfd_mpc.settings import unknown_parameter
+
+    known = {name for name in node.list_parameters([], 0).names if name.startswith(QOS_PREFIX)}
+    for name in node._parameter_overrides:
+        if name.startswith(QOS_PREFIX) and name not in known:
+            raise UserError(unknown_parameter(name, node.get_name(), known))
+
+
 def _spin(load: Callable[[], Callable[[], NodeType]]) -> int:
     """Returns when told to stop or when there is a status, and leaves nothing of ROS behind."""
     try:
         with without_collector(stays=True), loading():
             node = load()()
         try:
+            _refuse_unknown_qos(node)
             executor = make_executor()
             executor.add_node(node)
             while (ended := getattr(node, "status", None)) is None:

@@ -21,7 +21,7 @@ from std_msgs.msg import String
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.health import PERIOD, Health
-from lfd_mpc.node_process import REFUSED_PARAMETER, refused_value
+from lfd_mpc.node_process import QOS_PREFIX, REFUSED_PARAMETER, refused_value
 from lfd_mpc.settings import Settings, as_meant, is_fixed, settings_error, unknown_parameter
 
 READY_TOPIC = "ready"
@@ -160,7 +160,8 @@ def _refuse_unknown(node: Node) -> None:
     known = set(node.list_parameters([], 0).names)
     own = {"use_sim_time", "start_type_description_service"}
     for name in node._parameter_overrides:
-        if name not in known and name not in own and not name.startswith("qos_overrides"):
+        # Those of quality of service are declared with the subscriptions, after all others.
+        if name not in known and name not in own and not name.startswith(QOS_PREFIX):
             raise UserError(unknown_parameter(name, node.get_name(), known - own))
 
 

@@ -57,7 +57,7 @@ def settings_error(error: ValidationError) -> str:
 
 def unknown_parameter(name: str, owner: str, known: Iterable[str]) -> str:
     """One line for a parameter that its owner, a node, does not have."""
-    return f"unknown parameter '{name}' for {owner}; known: {', '.join(sorted(known))}"
+    return f"unknown parameter '{name}' for {owner}; known: {', '.join(sorted(known)) or 'none'}"
 
 
 def as_meant(value: Any, default: Any) -> Any:
