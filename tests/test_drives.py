@@ -254,6 +254,16 @@ def test_without_a_terminal_progress_comes_in_lines(monkeypatch, capsys) -> None
     assert capsys.readouterr().err == "evaluating: 2 of 3\n"
 
 
+def test_drives_beside_one_that_is_not_there_are_named_or_counted(tmp_path: Path) -> None:
+    for number in range(12):
+        csv(tmp_path, name=f"{number:02d}.csv")
+        names = [f"{k:02d}.csv" for k in range(min(number + 1, 10))]
+        more = f" and {number - 9} more" if number > 9 else ""
+        with pytest.raises(UserError) as raised:
+            read_drive(tmp_path / "x.csv")
+        assert str(raised.value).endswith(f"there are: {', '.join(names)}{more}")
+
+
 MISTAKES = {
     "no such file": (["nowhere.csv"], "no such file"),
     "no drive": (["notes.txt"], "is no drive"),
@@ -266,7 +276,7 @@ MISTAKES = {
     "underscores": (["underscores.csv"], "'2_0.0' is not a number"),
     "a cell too many": (["wide.csv"], "line 3: has 6 cells, the header 5"),
     "a column twice": (["twice.csv"], "column 'range_m' is there 2 times; one is expected"),
-    "time decreases": (["backward.csv"], "time decreases"),
+    "time decreases": (["backward.csv"], "time decreases from 14.95 s to 0.0 s; it must not"),
     "cut off": (["cut.csv"], "cut off"),
     "time in ns": (["ns.csv"], "line 2: the time 1.7e+18 s is out of range; t_s is in seconds"),
     "time in ms": (["ms.csv"], "the time 1.7e+12 s is out of range"),
@@ -277,7 +287,12 @@ MISTAKES = {
     "long open quote": (["long_open.csv"], "line 2: cannot be read as CSV"),
     "long text": (["long.csv"], "'" + 37 * "x" + "...' is not a number"),
     "no acceleration": (["no_accel.csv"], "no acceleration sample"),
-    "binary": (["binary.csv"], "not a text file"),
+    "binary": (["binary.csv"], "no text in UTF-8"),
+    "Latin-1": (["latin.csv"], "no text in UTF-8); a CSV drive in UTF-8 is expected"),
+    "UTF-16": (["utf16.csv"], "no text in UTF-8"),
+    "time below 0": (["early.csv"], "time -1.0 s is negative; t_s is in seconds, from 0 on"),
+    "no path": ([""], "'' is no path; the name of a file or a folder is expected"),
+    "no folder for the report": (["good.csv", "--report", ""], "'' is no path"),
     "damaged bag": (["damaged.mcap"], "cannot be read as a bag"),
     "cut bag": (["cut.mcap"], "cannot be read as a bag"),
     "empty folder": (["folder"], "metadata.yaml"),
@@ -288,6 +303,10 @@ MISTAKES = {
     "a value for the radar": (
         ["good.csv", "--fault", "gain:radar=2@1-2"],
         "unknown signal 'radar'",
+    ),
+    "a value for a silent radar": (
+        ["good.csv", "--fault", "dropout:radar=1@20-30"],
+        "dropout takes no value",
     ),
     "no window": (["good.csv", "--fault", "zero:clearance"], "KIND:SIGNAL"),
     "a time beyond numbers": (
@@ -355,7 +374,10 @@ def test_evaluate_ends_a_mistake_with_one_line(mistake, tmp_path, monkeypatch, c
     csv(tmp_path, "0,2_0.0,0,15,0.1", name="underscores.csv")
     csv(tmp_path, ROWS[0], "0.05,29,5,-1,15,0.1", name="wide.csv")
     csv(tmp_path, "0,99,30,1,15,0.1", header=HEADER + ",range_m", name="twice.csv")
-    csv(tmp_path, ROWS[1], ROWS[0], name="backward.csv")
+    csv(tmp_path, "14.95,30,-1,15,0.1", ROWS[0], name="backward.csv")
+    csv(tmp_path, "-1,30,-1,15,0.1", name="early.csv")
+    for name, encoding in (("latin", "latin-1"), ("utf16", "utf-16")):
+        (tmp_path / f"{name}.csv").write_text(f"{HEADER},bemerkung_ä\n{ROWS[0]}\n", encoding)
     (tmp_path / "cut.csv").write_text(HEADER + "\n" + ROWS[0] + "\n0.05,29")
     for name, time in (("ns", "1.7e18"), ("ms", "1.7e12"), ("far", "1e308")):
         csv(tmp_path, f"{time},30,-1,15,0.1", name=f"{name}.csv")

@@ -33,7 +33,7 @@ from lfd_replay.drive import Drive
 from lfd_replay.drive_bag import refuse_others_bag, replace_folder, write_drive
 from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.lockstep import LockstepError
-from lfd_replay.paths import make_folder, refuse_to_overwrite, share_folder
+from lfd_replay.paths import make_folder, named_path, refuse_to_overwrite, share_folder
 from lfd_replay.player import GRAPH_NODES, PlayerNode, played, refuse_others, settle
 from lfd_replay.read_drive import DRIVE_HELP, files_read, read_drive, read_options
 from lfd_replay.score import score, shown, timeline
@@ -95,7 +95,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     add_play_options(parser)
     add_drive_options(parser)
     add_profile_option(parser)
-    parser.add_argument("--out", type=Path, default=Path("out/replay"), metavar="FOLDER")
+    parser.add_argument("--out", type=named_path, default=Path("out/replay"), metavar="FOLDER")
     return parser.parse_args(own_arguments("replay", arguments))
 
 

@@ -39,7 +39,7 @@ from lfd_replay.command_line import add_profile_option, print_table, result_tabl
 from lfd_replay.drive_bag import refuse_others_bag
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
-from lfd_replay.paths import make_folder
+from lfd_replay.paths import make_folder, named_path
 from lfd_replay.player import refuse_others, settle
 from lfd_replay.score import score, shown, timeline
 from lfd_replay.text_file import write_text
@@ -89,7 +89,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         "--model", default="multi_body", choices=("multi_body", "point_mass"), help="of the vehicle"
     )
     add_profile_option(parser)
-    parser.add_argument("--out", type=Path, default=Path("out/simulate"), metavar="FOLDER")
+    parser.add_argument("--out", type=named_path, default=Path("out/simulate"), metavar="FOLDER")
     options = parser.parse_args(own_arguments("simulate", arguments))
     if options.seed < 0:
         raise UserError(f"--seed {options.seed}: 0 or more is expected")

@@ -18,6 +18,7 @@ from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.lockstep import LockstepError
+from lfd_replay.paths import named_path
 from lfd_replay.player import (
     GRAPH_NODES,
     PlayerNode,
@@ -92,7 +93,7 @@ def play(player: PlayerNode, executor: Executor, console: Console) -> float:
 def main_play(arguments: list[str]) -> int:
     """The command line of `bag_player`."""
     parser = argparse.ArgumentParser(prog="bag_player", description=__doc__)
-    parser.add_argument("drive", type=Path, help=DRIVE_HELP)
+    parser.add_argument("drive", type=named_path, help=DRIVE_HELP)
     add_play_options(parser)
     parser.add_argument("--loop", action="store_true", help="begin again at the end")
     parser.add_argument(

@@ -4,7 +4,6 @@ import argparse
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import floor
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -27,7 +26,7 @@ from lfd_replay.evaluation.normal_driving import (
 )
 from lfd_replay.evaluation.trace import JUDGED, Trace, record_trace
 from lfd_replay.offline import OfflineGraph
-from lfd_replay.paths import refuse_to_overwrite
+from lfd_replay.paths import named_path, refuse_to_overwrite
 from lfd_replay.profiles import (
     PROFILES,
     GraphSettings,
@@ -173,7 +172,7 @@ def of_paper(settings: GraphSettings) -> GraphSettings:
 def _parse(arguments: list[str]) -> argparse.Namespace:
     """Raises UserError for a number of false events that cannot be."""
     parser = argparse.ArgumentParser(prog="calibrate", description=__doc__)
-    parser.add_argument("drives", type=Path, nargs="+", metavar="DRIVE", help=DRIVE_HELP)
+    parser.add_argument("drives", type=named_path, nargs="+", metavar="DRIVE", help=DRIVE_HELP)
     add_read_options(parser)
     add_profile_option(parser, "profile to start from")
     parser.add_argument(
@@ -183,7 +182,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         metavar="PER_HOUR",
         help="false events per hour and signal that may remain (default: %(default)s)",
     )
-    parser.add_argument("-o", "--out", type=Path, required=True, metavar="PARAMS.yaml")
+    parser.add_argument("-o", "--out", type=named_path, required=True, metavar="PARAMS.yaml")
     options = parser.parse_args(arguments)
     if not options.false_events >= 0.0:
         raise UserError(f"--false-events {options.false_events}: 0 or more per hour is expected")

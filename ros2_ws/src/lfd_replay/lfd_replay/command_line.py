@@ -22,6 +22,7 @@ from lfd_mpc.errors import UserError
 from lfd_replay.drive import Drive, streams_of
 from lfd_replay.faults import Fault, spared_signals
 from lfd_replay.inspection import cannot_run, inspect_streams
+from lfd_replay.paths import named_path
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, known_profile
 from lfd_replay.read_drive import add_read_options
 from lfd_replay.score import SUMMARY_COLUMNS, summary_rows
@@ -81,13 +82,13 @@ def parse_campaign(
     results go unless told. Raises UserError."""
     parser.add_argument(
         "--recorded",
-        type=Path,
+        type=named_path,
         default=RECORDED_AT,
         metavar="FOLDER",
         help="where the recorded drive is (default: %(default)s)",
     )
     add_jobs_option(parser)
-    parser.add_argument("--out", type=Path, default=Path(out), help="(default: %(default)s)")
+    parser.add_argument("--out", type=named_path, default=Path(out), help="(default: %(default)s)")
     options = parser.parse_args(arguments)
     if options.recorded != RECORDED_AT and not options.recorded.is_dir():
         raise UserError(

@@ -46,6 +46,12 @@ def _clipped(text: str) -> str:
     return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 3] + "..."
 
 
+def _unreadable(path: Path, reason: str | None = None) -> UserError:
+    return UserError(
+        f"{path}: cannot be read ({reason or 'no text in UTF-8'}); a CSV drive in UTF-8 is expected"
+    )
+
+
 class Table:
     """One CSV file with named columns, checked while it is read."""
 
@@ -59,12 +65,9 @@ class Table:
         try:
             text = path.read_text(encoding="utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "not a text file"
-            raise UserError(
-                f"{path}: cannot be read ({reason}); a CSV drive is expected"
-            ) from error
+            raise _unreadable(path, getattr(error, "strerror", None)) from error
         if "\0" in text:
-            raise UserError(f"{path}: cannot be read (not a text file); a CSV drive is expected")
+            raise _unreadable(path)
         rows: list[list[str]] = []
         try:
             # Strictly: a quote that is left open would swallow the rows after it unseen.
@@ -161,10 +164,13 @@ class Table:
                 )
             stamp = self._nanoseconds(line, seconds)
             if stamp < 0:
-                raise UserError(f"{self.path}: line {line}: the time {seconds} s is negative")
+                raise UserError(
+                    f"{self.path}: line {line}: the time {seconds} s is negative; "
+                    "t_s is in seconds, from 0 on"
+                )
             if stamps and stamp < stamps[-1]:
                 raise UserError(
-                    f"{self.path}: line {line}: time decreases from {stamps[-1] * 1e-9} s to "
+                    f"{self.path}: line {line}: time decreases from {stamps[-1] / 1e9} s to "
                     f"{seconds} s; it must not"
                 )
             stamps.append(stamp)

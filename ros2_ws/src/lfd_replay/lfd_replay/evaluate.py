@@ -27,7 +27,7 @@ from lfd_replay.errors import run_command
 from lfd_replay.evaluate_many import drives_of, evaluate_all, many_table, say_failures
 from lfd_replay.faults import Fault, FaultInjector, parse_faults
 from lfd_replay.offline import OfflineGraph
-from lfd_replay.paths import refuse_to_overwrite
+from lfd_replay.paths import named_path, refuse_to_overwrite
 from lfd_replay.profiles import GraphSettings, graph_settings
 from lfd_replay.read_drive import DRIVE_HELP, ReadOptions, files_read, read_drive, read_options
 from lfd_replay.recorded_step import RecordedStep
@@ -124,17 +124,20 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="evaluate", description=__doc__)
     parser.add_argument(
         "drives",
-        type=Path,
+        type=named_path,
         nargs="+",
         metavar="DRIVE",
         help=f"{DRIVE_HELP}; several, or a folder of drives, are evaluated side by side",
     )
     add_drive_options(parser)
     add_profile_option(parser)
-    parser.add_argument("--params", type=Path, metavar="FILE.yaml", help="ROS parameter file")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
+    parser.add_argument("--params", type=named_path, metavar="FILE.yaml", help="ROS parameter file")
+    parser.add_argument("--json", type=named_path, metavar="FILE", help="write the figures there")
     parser.add_argument(
-        "--report", type=Path, metavar="FOLDER", help="write a page to look at there (one drive)"
+        "--report",
+        type=named_path,
+        metavar="FOLDER",
+        help="write a page to look at there (one drive)",
     )
     many = parser.add_argument_group("several drives")
     add_jobs_option(many)

@@ -70,7 +70,7 @@ def parse_fault(text: str) -> Fault:
     whole_radar = False
     for part in assignments.split(","):
         signal, equals, value_text = (piece.strip() for piece in part.partition("="))
-        if signal == RADAR and kind in WITHOUT_VALUE and not equals:
+        if signal == RADAR and kind in WITHOUT_VALUE:
             whole_radar = True
             names: tuple[str, ...] = RADAR_SIGNALS
         elif signal in MEASURED:

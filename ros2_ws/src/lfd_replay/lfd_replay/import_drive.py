@@ -10,7 +10,7 @@ from lfd_replay.drive import Drive
 from lfd_replay.drive_bag import write_drive
 from lfd_replay.drive_csv import ACCEL, SPEED, Table, scalar_stream
 from lfd_replay.errors import run_command
-from lfd_replay.paths import refuse_to_overwrite
+from lfd_replay.paths import named_path, refuse_to_overwrite
 from lfd_replay.read_drive import (
     ReadOptions,
     add_read_options,
@@ -69,14 +69,14 @@ def main_import(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="import_drive", description=__doc__)
     parser.add_argument(
         "recording",
-        type=Path,
+        type=named_path,
         help="CSV file of a drive or of the radar alone, bag, CAN log (.log, .asc, .blf), or "
         "folder of a comma2k19 segment",
     )
     parser.add_argument("--accel", metavar="FILE[:COLUMN]", help="host acceleration in m/s^2")
     parser.add_argument("--speed", metavar="FILE[:COLUMN]", help="host speed in m/s")
     add_read_options(parser)
-    parser.add_argument("-o", "--out", type=Path, required=True, metavar="OUT.mcap")
+    parser.add_argument("-o", "--out", type=named_path, required=True, metavar="OUT.mcap")
     options = parser.parse_args(arguments)
 
     further = (_file_and_column(text)[0] for text in (options.accel, options.speed) if text)

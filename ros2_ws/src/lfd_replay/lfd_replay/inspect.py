@@ -12,7 +12,7 @@ from lfd_mpc.samples import Sample
 from lfd_replay.command_line import print_table
 from lfd_replay.errors import WrongOption, run_command
 from lfd_replay.inspection import bag_topics, cannot_run, inspect_streams, remarks
-from lfd_replay.paths import refuse_to_overwrite
+from lfd_replay.paths import named_path, refuse_to_overwrite
 from lfd_replay.read_drive import (
     DRIVE_HELP,
     ReadOptions,
@@ -75,9 +75,9 @@ def _read(path: Path, reading: ReadOptions) -> tuple[dict[str, list[Sample]], li
 def main_inspect(arguments: list[str]) -> int:
     """The command line of `inspect`."""
     parser = argparse.ArgumentParser(prog="inspect", description=__doc__)
-    parser.add_argument("drive", type=Path, help=DRIVE_HELP)
+    parser.add_argument("drive", type=named_path, help=DRIVE_HELP)
     add_read_options(parser)
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
+    parser.add_argument("--json", type=named_path, metavar="FILE", help="write the figures there")
     options = parser.parse_args(arguments)
 
     reading = read_options(options)

@@ -1,7 +1,6 @@
 """make_drive: generates a drive, the same for the same seed."""
 
 import argparse
-from pathlib import Path
 
 from lfd_mpc.errors import UserError
 from lfd_replay.drive_bag import write_drive
@@ -9,6 +8,7 @@ from lfd_replay.errors import run_command
 from lfd_replay.generated.generate import generate_drive
 from lfd_replay.generated.lead_profiles import NAMES_IN_WORDS, PEAKS
 from lfd_replay.generated.sensor_models import SENSORS
+from lfd_replay.paths import named_path
 
 
 def main_make(arguments: list[str]) -> int:
@@ -24,7 +24,7 @@ def main_make(arguments: list[str]) -> int:
         type=float,
         help=f"of 'braking', in m/s^2: {PEAKS[0]:g} to {PEAKS[1]:g} (default: -6)",
     )
-    parser.add_argument("-o", "--out", type=Path, required=True, metavar="OUT.mcap")
+    parser.add_argument("-o", "--out", type=named_path, required=True, metavar="OUT.mcap")
     options = parser.parse_args(arguments)
     if options.seed < 0:
         raise UserError(f"--seed {options.seed}: a whole number of 0 or more is expected")

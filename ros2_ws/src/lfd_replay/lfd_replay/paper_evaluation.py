@@ -15,6 +15,7 @@ from lfd_replay.evaluation.campaign import evaluate_paper, full, plain
 from lfd_replay.evaluation.cases import RECORDED
 from lfd_replay.evaluation.page import write_evaluation_page
 from lfd_replay.journal import workers
+from lfd_replay.paths import named_path
 from lfd_replay.profiles import graph_settings
 from lfd_replay.text_file import write_text
 
@@ -31,7 +32,7 @@ def main_paper_evaluation(arguments: list[str]) -> int:
     """The command line of `paper_evaluation`."""
     parser = argparse.ArgumentParser(prog="paper_evaluation", description=__doc__)
     parser.add_argument("--full", action="store_true", help="every size, kind, drive and start")
-    parser.add_argument("--params", type=Path, metavar="FILE.yaml", help="ROS parameter file")
+    parser.add_argument("--params", type=named_path, metavar="FILE.yaml", help="ROS parameter file")
     options = parse_campaign(parser, arguments, "out/evaluate")
     size = full() if options.full else plain()
     settings = graph_settings("paper", options.params)

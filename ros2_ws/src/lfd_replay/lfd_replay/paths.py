@@ -15,6 +15,13 @@ def share_folder(package: str) -> Path:
     return Path(get_package_share_directory(package))
 
 
+def named_path(text: str) -> Path:
+    """A path of a command line. Raises UserError for an empty one, which would be this folder."""
+    if not text:
+        raise UserError("'' is no path; the name of a file or a folder is expected")
+    return Path(text)
+
+
 def make_folder(out: Path) -> None:
     """Make the folder in which results are left, before there are any.
 

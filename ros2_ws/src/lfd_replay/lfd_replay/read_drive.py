@@ -15,6 +15,7 @@ from lfd_replay.drive import Drive, make_drive, partly_there
 from lfd_replay.drive_bag import OPTIONS, Topics, read_bag_streams
 from lfd_replay.drive_csv import read_csv_as_it_is, read_csv_streams
 from lfd_replay.errors import WrongOption
+from lfd_replay.paths import named_path
 from lfd_replay.placeholders import placeholders
 from lfd_replay.recordings.can_log import SUFFIXES as CAN_SUFFIXES
 from lfd_replay.recordings.can_log import HostSignals, read_can_streams
@@ -25,6 +26,9 @@ from lfd_replay.units import odd_units
 BAG_SUFFIXES = (".mcap", ".db3", ".bag")
 DRIVE_SUFFIXES = (*BAG_SUFFIXES, *CAN_SUFFIXES, ".csv")
 """Of files that are drives, in any case."""
+
+NAMED = 10
+"""Drives of a folder that a message names; more are counted."""
 
 DRIVE_HELP = "CSV file, bag, CAN log or folder of a segment"
 """What every command on drives takes."""
@@ -85,7 +89,9 @@ def add_read_options(parser: argparse.ArgumentParser) -> None:
         help=f"constant offset of the accelerometer in m/s^2, or {STANDSTILL}: what it shows "
         "while the car stands",
     )
-    group.add_argument("--host-dbc", type=Path, metavar="FILE", help="DBC of the car's own CAN")
+    group.add_argument(
+        "--host-dbc", type=named_path, metavar="FILE", help="DBC of the car's own CAN"
+    )
     group.add_argument("--speed-signal", metavar="NAME", help="its signal of the host speed")
     group.add_argument("--accel-signal", metavar="NAME", help="its signal of the acceleration")
 
@@ -284,7 +290,8 @@ def _neighbours(path: Path) -> str:
     if not path.parent.is_dir():
         return f"; there is no folder {path.parent} either"
     there = sorted(p.name for p in path.parent.iterdir() if p.suffix.lower() in DRIVE_SUFFIXES)
-    return f"; in {path.parent} there are: {', '.join(there[:10])}" if there else ""
+    more = f" and {len(there) - NAMED} more" if len(there) > NAMED else ""
+    return f"; in {path.parent} there are: {', '.join(there[:NAMED])}{more}" if there else ""
 
 
 def parse_mapping(texts: Sequence[str]) -> dict[str, str]:

@@ -27,7 +27,7 @@ from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.faults import parse_faults
 from lfd_replay.generated.lead_profiles import NORMAL
 from lfd_replay.journal import workers
-from lfd_replay.paths import make_folder
+from lfd_replay.paths import make_folder, named_path
 from lfd_replay.profiles import PROFILES, graph_settings
 from lfd_replay.score import score, timeline
 from lfd_replay.text_file import write_text
@@ -354,7 +354,7 @@ def leave(rows: list[dict[str, Any]], out: Path, console: Console) -> None:
 def main_closed_loop(arguments: list[str]) -> int:
     """The command line of `closed_loop_evaluation`."""
     parser = argparse.ArgumentParser(prog="closed_loop_evaluation", description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("out/evaluate"), metavar="FOLDER")
+    parser.add_argument("--out", type=named_path, default=Path("out/evaluate"), metavar="FOLDER")
     parser.add_argument(
         "--full", action="store_true", help="three seeds, both profiles, all normal drives"
     )
