@@ -17,6 +17,7 @@ from test_nodes import Subscriber
 
 from lfd_bringup.recorder import LOOP_TOPICS, RecorderNode
 from lfd_bringup.replay import INTERRUPTED, write_bag
+from lfd_bringup.simulate import main_simulate
 from lfd_diagnosis.decision_node import DecisionNode
 from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_mpc.decision import Decision
@@ -275,6 +276,18 @@ def test_simulate_writes_over_nobody_elses_bag(tmp_path) -> None:
     done = simulate("--lead", LEAD, "--out", str(tmp_path))
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
     assert [path.name for path in (tmp_path / "bag").iterdir()] == ["own.mcap"]
+
+
+def test_a_fault_after_the_end_is_told_of_before_anything_is_run(
+    monkeypatch, tmp_path: Path, capsys
+) -> None:
+    """Not found, it would look like one that was missed; the loop goes on for 15 s at the end."""
+    monkeypatch.setattr("lfd_bringup.simulate.ros_started", None)
+    faults = ["--fault", "zero:host_speed@15-17;zero:clearance@17-18"]
+    with pytest.raises(TypeError):
+        main_simulate(["--lead", "20,-1@0-1", *faults, "--out", str(tmp_path)])
+    said = "fault 'zero:clearance@17-18' starts after the end of the drive (16.0 s)"
+    assert capsys.readouterr().err == f"warning: 20,-1@0-1: {said}\n"
 
 
 @pytest.fixture(scope="module")

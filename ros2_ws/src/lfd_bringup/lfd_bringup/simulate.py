@@ -35,7 +35,13 @@ from lfd_mpc.node_process import (
     ros_started,
 )
 from lfd_mpc.starting import INTERRUPTED
-from lfd_replay.command_line import add_profile_option, print_table, result_table
+from lfd_replay.command_line import (
+    add_profile_option,
+    late_faults,
+    print_table,
+    result_table,
+    say_warnings,
+)
 from lfd_replay.drive_bag import refuse_others_bag
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
@@ -115,6 +121,7 @@ def main_simulate(arguments: list[str]) -> int:
         highlight=False,
     )
     print_injected(faults, console)
+    say_warnings(lead.name, late_faults(faults, lead.duration))
     with ros_started(arguments):
         executor = make_executor()
         nodes: list[Node] = []

@@ -126,6 +126,15 @@ class CountingProgress(Progress):
             print(f"{task.description}: {task.completed:g} of {task.total:g}", file=sys.stderr)
 
 
+def late_faults(faults: list[Fault], duration: float) -> list[str]:
+    """Faults that start after so many s, which is all that there is, in words."""
+    return [
+        f"fault '{fault.text}' starts after the end of the drive ({duration:.1f} s)"
+        for fault in faults
+        if fault.start * 1e-9 > duration
+    ]
+
+
 def idle_faults(drive: Drive, faults: list[Fault]) -> list[str]:
     """Faults that change nothing of a drive, in words: none of them can be found."""
     if not faults:
@@ -134,11 +143,9 @@ def idle_faults(drive: Drive, faults: list[Fault]) -> list[str]:
     for fault, spared in zip(
         faults, spared_signals(faults, drive.samples, drive.zero), strict=True
     ):
-        if fault.start * 1e-9 > duration:
-            said.append(
-                f"fault '{fault.text}' starts after the end of the drive ({duration:.1f} s)"
-            )
-        elif spared:
+        late = late_faults([fault], duration)
+        said += late
+        if spared and not late:
             within = f"no sample from {fault.start * 1e-9:g} to {fault.end * 1e-9:g} s"
             said.append(f"fault '{fault.text}' does nothing to {' and '.join(spared)}: {within}")
     return said
