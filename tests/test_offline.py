@@ -161,6 +161,25 @@ def test_a_bad_drive_is_named_and_does_not_stop_the_rest(folder, tmp_path, capfd
     assert not journal_file(out, []).exists(), "nothing is left behind"
 
 
+@pytest.mark.parametrize("name", ["pipe.csv", "pipe.mcap", "pipe.log"])
+def test_a_pipe_among_drives_is_named_and_waited_for_by_nobody(
+    name: str, tmp_path: Path, capfd
+) -> None:
+    os.mkfifo(tmp_path / name)
+    said = f"{tmp_path / name}: is a pipe or a device; a file or a folder is expected"
+    write_drive(generate_drive("data-1", 0, "esr"), tmp_path / "good.mcap")
+    program = "from lfd_replay.{0} import main; exit(main())"
+    for command, arguments in (
+        ("evaluate", [tmp_path, "--jobs", "1"]),
+        ("evaluate", [tmp_path / name]),
+        ("inspect", [tmp_path / name]),
+    ):
+        call = [sys.executable, "-c", program.format(command), *arguments]
+        done = subprocess.run(call, capture_output=True, text=True, timeout=30)
+        assert done.returncode == 2 and said in done.stderr.splitlines()[-1]
+        assert ("good.mcap" in done.stdout) == (tmp_path in arguments)
+
+
 ROW = "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2\n"
 
 

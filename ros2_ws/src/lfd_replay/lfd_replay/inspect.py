@@ -83,8 +83,8 @@ def main_inspect(arguments: list[str]) -> int:
     reading = read_options(options)
     if options.json:
         refuse_to_overwrite(options.json, files_read(options, options.drive))
-    topics = bag_topics(options.drive) if options.drive.exists() else []
     streams, damage, problem = _read(options.drive, reading)
+    topics = bag_topics(options.drive)
     figures = inspect_streams(streams)
     if problem:
         figures["runs"], figures["missing"] = False, [problem]

@@ -158,6 +158,9 @@ def _kind(path: Path) -> str:
     """What a path holds: one of `KINDS`. Raises UserError for anything else."""
     if not path.exists():
         raise UserError(f"{path}: no such file{_neighbours(path)}")
+    if not (path.is_file() or path.is_dir()):
+        # Opening a pipe that nobody writes to waits for ever.
+        raise UserError(f"{path}: is a pipe or a device; a file or a folder is expected")
     if is_bag(path):
         return BAG
     if path.is_dir() and is_segment(path):
