@@ -109,8 +109,8 @@ def _report_drive(drive: Drive, question: Question, sensors: dict, folder: Path)
     graph = OfflineGraph(question.settings)
     samples = _with_faults(drive, question)
     console = Console(stderr=True)
-    shown = track(samples, "drawing", console=console, disable=not console.is_terminal)
-    steps = [step for sample in shown for step in graph.push(sample)]
+    counted = track(samples, "drawing", console=console, disable=not console.is_terminal)
+    steps = [step for sample in counted for step in graph.push(sample)]
     # plotly is loaded when there is something to draw: other commands use this module, too.
     from lfd_replay.drawing.panels import Recording
     from lfd_replay.report import write_report
