@@ -1,7 +1,9 @@
-"""What the README says of the robust profile is what the table of results and a replay say."""
+"""What the README says of the profiles is what the tables of results and a replay say."""
 
 import re
 from pathlib import Path
+
+import pytest
 
 from lfd_bringup.replay import DEFAULT_DRIVE, DEFAULT_FAULT, event_line
 from lfd_replay.evaluation.requirements.plan import full_extent
@@ -15,9 +17,36 @@ ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text()
 RESULTS = (ROOT / "docs/robust-results.md").read_text()
 
+SUMS = {"1057", "1584"}
+"""Windows of several offsets together, each of which the results count by itself."""
+
+
+def figures(text: str) -> set[str]:
+    """The numbers of a text, as they are written, of two digits or more: others are everywhere."""
+    return set(re.findall(r"(?<![\d.])(?:\d{2,}|\d+\.\d+)(?!\d|\.\d)", text))
+
+
+@pytest.mark.parametrize(
+    ("header", "sources"),
+    [
+        ("| | robust | paper |", ("robust-results.md", "closed-loop.md")),
+        ("| fault, at equal false events on 27 normal drives |", ("evaluation.md",)),
+    ],
+)
+def test_figures_of_a_table_are_those_of_its_source(header: str, sources: tuple[str, ...]) -> None:
+    """Each is there; and in the same order, where the table gives several of a kind together."""
+    there = " ".join((ROOT / "docs" / name).read_text() for name in sources)
+    table = README[README.index(header) :].partition("\n\n")[0]
+    assert table.count("\n") > 4
+    assert not figures(table) - figures(there) - SUMS
+    listed = there.replace(" and ", ", ")
+    for together in re.findall(r"[\d.]+(?: / [\d.]+)+", table):
+        assert together.replace(" / ", ", ") in listed, together
+
 
 def test_false_events_are_those_of_the_results() -> None:
-    """A count of the paper profile, which stands in brackets there, tells which figure is meant."""
+    """A count of the paper profile, which stands in brackets there, tells which figure is meant;
+    where that is 0, words in brackets do."""
     lines = re.findall(r"^\| false events on .*\|$", README, re.MULTILINE)
     assert len(lines) > 5
     for row in lines:
@@ -27,9 +56,8 @@ def test_false_events_are_those_of_the_results() -> None:
             for cell in (robust, paper)
         ]
         for here, there in zip(*figures, strict=True):
-            if there == 0:
-                continue
-            before = [RESULTS[: match.start()] for match in re.finditer(rf"\({there}[),]", RESULTS)]
+            mark = rf"\({there}[),]" if there else r"\(the paper profile has none"
+            before = [RESULTS[: match.start()] for match in re.finditer(mark, RESULTS)]
             said = [
                 re.findall(r"\*\*(\d+)|\b(?:no|nor|none)\b", re.split(r"[(|]", text)[-1])[-1]
                 for text in before
