@@ -432,6 +432,24 @@ def test_another_part_of_the_car_behind_a_faulty_relative_velocity_is_no_fault(
     assert car.drive(1.5, clearance=2.4).report.relative_velocity.state == State.OK
 
 
+@pytest.mark.parametrize("late", [0.2, 0.27])
+def test_an_old_scan_that_ends_a_silence_makes_no_fault_of_the_next_one(
+    car: Car, late: float
+) -> None:
+    """A logger that stalled hands over all that waited within a moment."""
+    car.clearance, car.velocity, car.track_id = 120.0, -9.5, 2
+    car.drive(4.0)
+    start, car.radar_silent = car.number, True
+    car.drive(0.3)
+    car.seen, car.scanned = (car.clearance - late * car.velocity, car.velocity), car.number
+    car.step()
+    car.radar_silent = False
+    car.seen, car.scanned = (car.clearance, car.velocity), car.number
+    car.drive(3.0)
+    assert not car.faults_since(start) - {"radar"}
+    assert car.outcomes[-1].report.clearance.state == State.OK
+
+
 def test_a_clearance_that_came_back_may_go_over_to_another_part_of_the_car(car: Car) -> None:
     car.drive(2.0, clearance=2.0)
     end = car.number

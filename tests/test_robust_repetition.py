@@ -271,6 +271,29 @@ def test_before_a_car_that_stands_a_lead_that_creeps_says_the_same(standing: Car
     assert not standing.faults_since(start)
 
 
+def test_a_car_that_backs_off_from_a_lead_at_rest_holds_no_clearance() -> None:
+    """It said the same while the car stood, which counts no more as it moves a first step."""
+    car = Car()
+    car.rounded = {"clearance": 0.2, "relative_velocity": 0.25}
+    car.follow_unsteady(20, seed=1)
+    car.clearance, car.velocity, car.lead_acceleration = 30.0, 0.0, 0.0
+    car.brake(2.0, 2.0, to=0.0)
+    # So far that it may move by most of a step.
+    car.speed, car.clearance = 0.0, 29.91
+    car.drive(1.0, host_speed_is=0.0)
+    start = car.number
+    for acceleration in [0.0] * 2000 + [-1.2] * 100 + [1.2] * 100 + [0.0] * 200:
+        car.speed = min(car.speed + 0.01 * acceleration, 0.0)
+        car.velocity = -car.speed
+        car.step(
+            acceleration=acceleration,
+            host_speed_is=-car.speed,
+            clearance_is=0.2 * round(car.clearance / 0.2),
+            relative_velocity_is=0.25 * round(car.velocity / 0.25),
+        )
+    assert not car.faults_since(start)
+
+
 class WanderingCar(Car):
     """Its radar sees now this, now that part of the lead."""
 

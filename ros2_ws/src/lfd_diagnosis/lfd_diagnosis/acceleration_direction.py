@@ -10,6 +10,7 @@ import numpy as np
 
 from lfd_diagnosis.acceleration_state import forget_differences
 from lfd_diagnosis.evidence import Ground, is_exceeded
+from lfd_diagnosis.healthy_signal import append, at, start_ring
 from lfd_diagnosis.host_speed import is_believed, seems_to_stand
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
@@ -24,11 +25,18 @@ FADES = 1.0
 """Time constant in s with which it fades what a car that seems to stand has gained: a speed may be
 late, or zero below some m/s."""
 
-FITS = 0.35
+FITS = 0.5
 """Share of what contradicts the speed that is left of it where the car moves the other way."""
 
 SETTLED = 0.1
 """m/s^2 below which the derivative of a speed at rest has no sign that matters."""
+
+AT_REST = 0.05
+"""m/s up to which a car is at rest rather than about to drive off."""
+
+RESTED, RESTED_EVERY, RESTED_SHARE = 25, 3, 0.1
+"""How many of which steps are kept until they tell what is felt at rest, and how much each does: a
+car may have driven off before its speed says so."""
 
 
 @inner
@@ -50,28 +58,46 @@ def follow_direction(monitor):
     """Which way the car drives off after it stood."""
     speed = monitor.speed
     heard = is_believed(speed)
-    stands = heard and seems_to_stand(speed)
-    if stands and abs(speed.derivative) < SETTLED:
-        # From here on it may go either way.
-        monitor.reverses = False
     forward = heard and abs(speed.last) > FASTEST
     if forward:
         _turn(monitor, False)
     if forward or isnan(monitor.filtered) or monitor.faulty:
-        monitor.gained = np.nan
+        monitor.gained = monitor.gained_since = np.nan
+    if heard and seems_to_stand(speed):
+        _stand(monitor)
+    elif not isnan(monitor.gained):
+        # It goes on while nothing is heard of the speed for a moment.
+        felt, gained = monitor.filtered - monitor.at_rest, abs(monitor.gained)
+        monitor.gained += STEP_S * (monitor.filtered - monitor.slope)
+        monitor.gained_since += STEP_S * felt
+        # The slope of a car that stood may be an old one: all must say the same.
+        alike = min(monitor.gained * monitor.gained_since, monitor.gained * felt) > 0.0
+        told = heard and alike and gained > max(TELLING, TELLING_SHARE * abs(speed.last))
+        if told:
+            _turn(monitor, monitor.gained * speed.last < 0.0)
+        if told or gained > FASTEST:
+            monitor.gained = np.nan
+
+
+@inner
+def _stand(monitor):
+    """The car seems to stand: it feels the slope, and may be about to drive off."""
+    settled = abs(monitor.speed.derivative) < SETTLED
+    if settled:
+        # From here on it may go either way.
+        monitor.reverses = False
+    if isnan(monitor.filtered) or monitor.faulty:
         return
-    felt = monitor.filtered - monitor.slope
-    if stands:
-        before = 0.0 if isnan(monitor.gained) else monitor.gained
-        monitor.gained = before + STEP_S * (felt - before / FADES)
-        return
-    # It goes on while nothing is heard of the speed for a moment.
-    monitor.gained += STEP_S * felt
-    told = heard and abs(monitor.gained) > max(TELLING, TELLING_SHARE * abs(speed.last))
-    if told:
-        _turn(monitor, monitor.gained * speed.last < 0.0)
-    if told or abs(monitor.gained) > FASTEST:
-        monitor.gained = np.nan
+    if isnan(monitor.gained):
+        monitor.gained, monitor.gained_since, monitor.at_rest = 0.0, 0.0, monitor.filtered
+        start_ring(monitor.rested, RESTED)
+    share = STEP_S / FADES
+    monitor.gained += STEP_S * (monitor.filtered - monitor.slope) - share * monitor.gained
+    monitor.gained_since *= 1.0 - share
+    monitor.gained_since += STEP_S * (monitor.filtered - monitor.at_rest)
+    if settled and abs(monitor.speed.last) < AT_REST and monitor.ticks % RESTED_EVERY == 0:
+        append(monitor.rested, monitor.filtered)
+        monitor.at_rest += RESTED_SHARE * (at(monitor.rested, 0) - monitor.at_rest)
 
 
 @inner

@@ -102,6 +102,9 @@ ACCELERATION = np.dtype(
         ("speed", HOST_SPEED),
         ("lead_rests_for", "f8"),
         ("gained", "f8"),
+        ("gained_since", "f8"),
+        ("rested", RING),
+        ("at_rest", "f8"),
         ("reverses", "?"),
         ("jerk_then", "f8"),
         ("own_jerk", "f8"),
@@ -189,7 +192,8 @@ manoeuvre makes it; `lag_product` over `lag_square` is the lag in s, `best_produ
 `best_square` the lag with what smoothing adds. `slope` is known as well as `slope_known` s of
 learning make it; `baseline`, made of `recent`, is what the difference was a moment ago.
 `gained` (m/s): what is felt to be gained since the car stood, NaN where its direction is known, or
-will not be before it stands again; `reverses`: whether that is backward, by a speed without a sign.
+will not be before it stands again, `at_rest` (m/s^2) what it felt as it stood, and `reverses`
+whether it moves backward, by a speed without a sign.
 
 Against the lead. `relative_now` is what observers say of two steps, `relative_slow` their mean,
 `relative` the last one that was no answer to a jump; nothing for `radar_gone` steps. `lead` is what
@@ -241,6 +245,7 @@ def restart_acceleration(monitor):
     lose_samples(monitor)
     monitor.lead_rests_for = monitor.silent_for = 0.0
     monitor.gained, monitor.reverses = np.nan, False
+    monitor.gained_since = monitor.at_rest = np.nan
     monitor.relative_then = monitor.relative_now = monitor.relative_slow = 0.0
     monitor.before = monitor.relative_before = 0.0
     monitor.relative, monitor.radar_gone = 0.0, RADAR_GONE

@@ -222,8 +222,9 @@ def _scan(radar, settings, track_id):
     # Where one of the two is held, the other may be, too.
     held = is_either_held(radar)
     if stand_both(radar):
-        # The relative velocity is the same for long.
-        excuse_repetition(radar.velocity.repetition, radar.velocity.faulty)
+        # Both say the same for long.
+        for signal in (radar.clearance, radar.velocity):
+            excuse_repetition(signal.repetition, signal.faulty)
     learn = radar.host_moves and not held
     steady = stays_without_noise(radar)
     same_clearance = clearance.new and _repeats(radar.clearance, clearance.value, learn, steady)

@@ -143,6 +143,8 @@ RADAR = np.dtype(
         ("undrifted", "f8"),
         ("shifted_at", "f8"),
         ("elsewhere", "f8"),
+        ("regained_at", "f8"),
+        ("regained_beside", "f8"),
         ("leap", LEAP),
     ],
     align=True,
@@ -166,7 +168,8 @@ The clearance against the relative velocity. `path`, which `drift` explains wher
 each other; `held`: whether one of the two but repeats itself. `beside` (m) is what the clearance
 lately lay beside the track. `elsewhere` (m) is how far the part of the car that is seen lies from
 the one that was seen first, `shifted_at` (s) when it last went over to another one behind a faulty
-relative velocity. `agreed_clearance` (m) is what was measured when that began to agree again,
+relative velocity; a silence ended at `regained_at` (s) with a clearance `regained_beside` (m) the
+track. `agreed_clearance` (m) is what was measured when that began to agree again,
 `agreed_path` (m) the path that it makes since. `undrifted` (m) is where the clearance would be were
 it the one that drifts, where the relative velocity is blamed for that.
 """
@@ -214,7 +217,7 @@ def start_target(radar, settings):
     radar.held.clearance = radar.held.off = radar.held.expected_off = 0.0
     radar.beside = radar.held.beside = 0.0
     radar.held.leapt_to_zero = False
-    radar.held.sees_again_at = radar.shifted_at = -np.inf
+    radar.held.sees_again_at = radar.shifted_at = radar.regained_at = -np.inf
     restart_scan_rows(radar.rows)
     clear_path(radar.path)
     forget_leap(radar.leap)

@@ -204,10 +204,21 @@ def _see_another_part(radar, clearance):
 def _leads_back(radar, settings):
     """Whether the clearance is hardly off, and jumps back to the part of the car that was seen
     before, or from where a fault that was too small to be found had put it."""
+    if _takes_back(radar):
+        return True
     jump, beside = radar.clearance.residual, radar.elsewhere
     hardly = abs(jump) <= min(HARDLY * radar.clearance.limit, settings.largest_shift)
     back = beside * jump < 0.0 and abs(beside + jump) < LEADS_TO_PART * abs(jump)
     return settings.check_drift and hardly and back
+
+
+@inner
+def _takes_back(radar):
+    """Whether the clearance is where it was expected before the last silence ended: its first scan
+    after that was an old one that came late."""
+    soon = radar.measured_clearance.at - radar.regained_at < SHIFT_AGAIN
+    off = radar.clearance.residual + radar.regained_beside
+    return soon and abs(off) <= radar.clearance.limit
 
 
 @inner

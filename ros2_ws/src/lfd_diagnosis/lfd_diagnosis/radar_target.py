@@ -168,7 +168,9 @@ def _regain(radar, settings):
     moves_on = abs(radar.measured_velocity.value - radar.track.velocity) <= limits[1]
     # What a faulty one says of the moment is nothing, and nothing says that the clearance is off.
     moves_on = moves_on or radar.velocity.faulty
-    if moves_on and limits[0] < abs(now - radar.track.clearance) <= settings.largest_shift:
+    beside = now - radar.track.clearance
+    if moves_on and limits[0] < abs(beside) <= settings.largest_shift:
+        radar.regained_at, radar.regained_beside = radar.measured_clearance.at, beside
         go_over(radar, now, radar.clearance.noise.variance)
         cut_path(radar)
 
