@@ -751,6 +751,8 @@ def test_an_offset_that_begins_with_another_id_is_told_of_as_it_ends(car: Car, s
     report = car.drive(0.5).report
     assert report.clearance.state == State.FAULT and report.clearance.kind == Kind.OFFSET
     assert report.clearance.size == pytest.approx(size, abs=0.3)
+    assert report.clearance.reason.startswith("offset by jump back: by ")
+    assert report.clearance.reason.endswith("it was off until then")
     assert car.drive(1.5).report.clearance.state == State.OK
     assert car.faults_since(start) == {"clearance", "radar"}
 

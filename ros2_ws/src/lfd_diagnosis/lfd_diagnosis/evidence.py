@@ -23,6 +23,7 @@ class Ground(IntEnum):
     SPEED_JUMPED = 9  # jump, period, limit
     LEAD_JUMPED = 10  # from, to, limit
     LEAD_DISAGREES = 11  # what it says, what is seen, limit
+    JUMPED_BACK = 12  # jump, limit
 
 
 BECAUSE = np.dtype(

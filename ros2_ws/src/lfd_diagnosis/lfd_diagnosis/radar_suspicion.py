@@ -257,7 +257,7 @@ def _leads_to(jump, beside, usual):
 def _convict_of_ended(radar, settings, kind):
     """The clearance was off until just now, and is right again."""
     clearance, jump = radar.clearance, radar.clearance.residual
-    give_ground(clearance.because, Ground.RESIDUAL, jump, clearance.limit, 0.0)
+    give_ground(clearance.because, Ground.JUMPED_BACK, jump, clearance.limit, 0.0)
     rebase(radar.track, clearance, radar.measured_clearance.value, True)
     # It was off by what it jumped back by.
     clearance.residual = -jump

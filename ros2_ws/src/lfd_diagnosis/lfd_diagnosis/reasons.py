@@ -21,6 +21,10 @@ _GROUND_WORDS: dict[int, Callable[[Any], str]] = {
         f"path: the clearance left that of the relative velocity by {b.first:.2f} m "
         f"(limit {b.second:.2f})"
     ),
+    Ground.JUMPED_BACK: lambda b: (
+        f"jump back: by {b.first:.2f} m (limit {b.second:.2f}) to where nothing is wrong; "
+        "it was off until then"
+    ),
     Ground.SPEED_HELD: lambda b: f"{b.first:.2f} m/s for {b.second:.0f} samples on end",
     Ground.SPEED_JUMPED: lambda b: (
         f"a jump of {b.first:.2f} m/s in {b.second * 1000:.0f} ms (limit {b.third:.2f})"
@@ -139,7 +143,9 @@ def _radar_signal(verdict: Any, evidence: Any, radar: Any, filling: str, unit: s
     if evidence.lost:
         long = f" for {evidence.must_agree:g} s" if evidence.must_agree else ""
         return f"{reason}; reference lost: a new target must agree{long}"
-    reason += _by_now(words, now)
+    if because.ground != Ground.JUMPED_BACK:
+        # What is said of it is that it is over.
+        reason += _by_now(words, now)
     if not evidence.tellable:
         return f"{reason}; can no longer be told from a healthy signal"
     if evidence.must_agree:
