@@ -4,28 +4,27 @@ from random import Random
 
 import pytest
 
-from lfd_diagnosis.healthy_signal import (
-    LEARNT_NOISE,
-    REPETITION,
-    ROUGHNESS,
-    deviation,
-    is_frozen,
-    is_rough,
-    learn_noise,
-    note_change,
-    resolution_of,
-    start_noise,
-    start_repetition,
-    start_roughness,
-    take_repetition,
-    take_roughness,
-)
 from lfd_diagnosis.lead_track import (
     LEAD_TRACK,
     correct_clearance,
     correct_velocity,
     predict_track,
     start_track,
+)
+from lfd_diagnosis.noise import LEARNT_NOISE, deviation, learn_noise, start_noise
+from lfd_diagnosis.repetition import (
+    REPETITION,
+    is_frozen,
+    note_change,
+    start_repetition,
+    take_repetition,
+)
+from lfd_diagnosis.roughness import (
+    ROUGHNESS,
+    is_rough,
+    resolution_of,
+    start_roughness,
+    take_roughness,
 )
 from lfd_mpc.compiled import make_state
 

@@ -23,19 +23,11 @@ from lfd_diagnosis.acceleration_state import (
     swings_over_bumps,
 )
 from lfd_diagnosis.evidence import Ground, is_gauged, set_check
-from lfd_diagnosis.healthy_signal import (
-    append,
-    at,
-    deviation,
-    filter_share,
-    is_full,
-    learn_noise,
-    mean_of,
-    start_ring,
-    while_learning,
-)
 from lfd_diagnosis.host_speed import is_believed
 from lfd_diagnosis.lead_report import is_trusted
+from lfd_diagnosis.noise import deviation, learn_noise, while_learning
+from lfd_diagnosis.ring import append, at, is_full, mean_of, start_ring
+from lfd_diagnosis.sample import filter_share
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S, share_of

@@ -31,18 +31,6 @@ from lfd_diagnosis.acceleration_state import (
     swings_over_bumps,
 )
 from lfd_diagnosis.evidence import Ground, is_exceeded, is_gauged, repeats, set_check
-from lfd_diagnosis.healthy_signal import (
-    POSSIBLE_JERK,
-    append,
-    at,
-    beyond,
-    deviation,
-    is_frozen,
-    is_full,
-    is_rough,
-    learn_noise,
-    while_learning,
-)
 from lfd_diagnosis.host_speed import (
     JERK_FILTER,
     JERK_SHARE,
@@ -56,7 +44,12 @@ from lfd_diagnosis.host_speed import (
     speed_seems_held,
     tells_of_bends,
 )
+from lfd_diagnosis.noise import deviation, learn_noise, while_learning
+from lfd_diagnosis.repetition import is_frozen
+from lfd_diagnosis.ring import append, at, is_full
 from lfd_diagnosis.road_bend import follow_bend, has_bent, leave_bend, slope_now
+from lfd_diagnosis.roughness import is_rough
+from lfd_diagnosis.sample import POSSIBLE_JERK, beyond
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S, share_of

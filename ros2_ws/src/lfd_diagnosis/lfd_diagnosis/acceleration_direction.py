@@ -10,8 +10,8 @@ import numpy as np
 
 from lfd_diagnosis.acceleration_state import forget_differences
 from lfd_diagnosis.evidence import Ground, is_exceeded
-from lfd_diagnosis.healthy_signal import append, at, start_ring
 from lfd_diagnosis.host_speed import is_believed, seems_to_stand
+from lfd_diagnosis.ring import append, at, start_ring
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
 
@@ -27,6 +27,9 @@ late, or zero below some m/s."""
 
 FITS = 0.5
 """Share of what contradicts the speed that is left of it where the car moves the other way."""
+
+CHANGED = 0.4
+"""m/s^2 that a speed's derivative must be for its direction to be told by what is felt of it."""
 
 SETTLED = 0.1
 """m/s^2 below which the derivative of a speed at rest has no sign that matters."""
@@ -71,8 +74,9 @@ def follow_direction(monitor):
         monitor.gained += STEP_S * (monitor.filtered - monitor.slope)
         monitor.gained_since += STEP_S * felt
         # The slope of a car that stood may be an old one: all must say the same.
-        alike = min(monitor.gained * monitor.gained_since, monitor.gained * felt) > 0.0
-        told = heard and alike and gained > max(TELLING, TELLING_SHARE * abs(speed.last))
+        alike = monitor.gained * monitor.gained_since > 0.0 and monitor.gained * felt > 0.0
+        drives_off = heard and speed.derivative * speed.last > 0.0
+        told = drives_off and alike and gained > max(TELLING, TELLING_SHARE * abs(speed.last))
         if told:
             _turn(monitor, monitor.gained * speed.last < 0.0)
         if told or gained > FASTEST:
@@ -109,9 +113,13 @@ def _off_the_other_way(monitor):
 
 @inner
 def follow_reversing(monitor):
-    """A car that only fits if it drives forward does."""
+    """A car that only fits if it drives forward does, or that feels so beside what it felt at
+    rest."""
+    derivative = monitor.speed.derivative
+    felt = (monitor.filtered - monitor.at_rest) * (1.0 if derivative > 0.0 else -1.0)
+    as_forward = abs(derivative) > CHANGED and felt > FITS * abs(derivative)
     fits = abs(_off_the_other_way(monitor)) <= FITS * abs(monitor.check.residual)
-    if monitor.reverses and is_exceeded(monitor.check) and fits:
+    if monitor.reverses and (as_forward or (fits and is_exceeded(monitor.check))):
         _turn(monitor, False)
 
 

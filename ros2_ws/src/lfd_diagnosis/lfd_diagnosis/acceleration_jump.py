@@ -4,7 +4,7 @@ from math import sqrt
 
 import numpy as np
 
-from lfd_diagnosis.healthy_signal import LEARNT_NOISE, deviation, learn_noise, start_noise
+from lfd_diagnosis.noise import LEARNT_NOISE, deviation, learn_noise, start_noise
 from lfd_mpc.compiled import inner
 
 WINDOWS, CLEARLY = (20, 40), 0.7

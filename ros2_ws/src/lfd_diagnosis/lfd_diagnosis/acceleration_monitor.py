@@ -42,30 +42,6 @@ from lfd_diagnosis.acceleration_state import (
 )
 from lfd_diagnosis.confidence import counted
 from lfd_diagnosis.evidence import Ground, give_ground, is_exceeded, is_gauged, repeats
-from lfd_diagnosis.healthy_signal import (
-    POSSIBLE_JERK,
-    SAME_STAMP,
-    SECOND_DIFFERENCES,
-    append,
-    as_measured,
-    at,
-    deviation,
-    excuse_repetition,
-    filter_share,
-    is_frozen,
-    is_frozen_for,
-    is_full,
-    is_new,
-    is_noiseless,
-    is_rough,
-    mean_of,
-    note_change,
-    resolution_of,
-    rough_share,
-    take_repetition,
-    take_roughness,
-    times_unchanged,
-)
 from lfd_diagnosis.host_speed import (
     JERK_SHARE,
     ROUGH_TIME,
@@ -80,7 +56,26 @@ from lfd_diagnosis.host_speed import (
     is_usable,
     lose_speed,
 )
+from lfd_diagnosis.noise import deviation
+from lfd_diagnosis.repetition import (
+    excuse_repetition,
+    is_frozen,
+    is_frozen_for,
+    note_change,
+    take_repetition,
+    times_unchanged,
+)
+from lfd_diagnosis.ring import append, at, is_full, mean_of
 from lfd_diagnosis.road_bend import start_bend
+from lfd_diagnosis.roughness import (
+    SECOND_DIFFERENCES,
+    is_noiseless,
+    is_rough,
+    resolution_of,
+    rough_share,
+    take_roughness,
+)
+from lfd_diagnosis.sample import POSSIBLE_JERK, SAME_STAMP, as_measured, filter_share, is_new
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S, share_of

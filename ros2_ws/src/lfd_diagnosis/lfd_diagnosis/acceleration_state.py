@@ -6,22 +6,12 @@ import numpy as np
 
 from lfd_diagnosis.acceleration_jump import AT_ONCE_SHARE, JUMP, LOOKED_AT, restart_jump, start_jump
 from lfd_diagnosis.evidence import BECAUSE, CHECK, Ground
-from lfd_diagnosis.healthy_signal import (
-    LEARNT_NOISE,
-    REPETITION,
-    RING,
-    ROUGHNESS,
-    append,
-    at,
-    empty_roughness,
-    restart_repetition,
-    start_noise,
-    start_repetition,
-    start_ring,
-    start_roughness,
-)
 from lfd_diagnosis.host_speed import HOST_SPEED, restart_speed, start_speed
+from lfd_diagnosis.noise import LEARNT_NOISE, start_noise
+from lfd_diagnosis.repetition import REPETITION, restart_repetition, start_repetition
+from lfd_diagnosis.ring import RING, append, at, start_ring
 from lfd_diagnosis.road_bend import ROAD_BEND, start_bend
+from lfd_diagnosis.roughness import ROUGHNESS, empty_roughness, start_roughness
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S, share_of
@@ -192,8 +182,9 @@ manoeuvre makes it; `lag_product` over `lag_square` is the lag in s, `best_produ
 `best_square` the lag with what smoothing adds. `slope` is known as well as `slope_known` s of
 learning make it; `baseline`, made of `recent`, is what the difference was a moment ago.
 `gained` (m/s): what is felt to be gained since the car stood, NaN where its direction is known, or
-will not be before it stands again, `at_rest` (m/s^2) what it felt as it stood, and `reverses`
-whether it moves backward, by a speed without a sign.
+will not be before it stands again, `gained_since` the same beside what it felt as it stood: that
+is `at_rest` (m/s^2), made of `rested`. `reverses`: whether it moves backward, by a speed without a
+sign.
 
 Against the lead. `relative_now` is what observers say of two steps, `relative_slow` their mean,
 `relative` the last one that was no answer to a jump; nothing for `radar_gone` steps. `lead` is what

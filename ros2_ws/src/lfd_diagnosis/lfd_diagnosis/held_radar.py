@@ -4,25 +4,22 @@ from math import exp, isnan, sqrt
 
 import numpy as np
 
-from lfd_diagnosis.healthy_signal import (
+from lfd_diagnosis.lead_track import predict_track, set_clearance
+from lfd_diagnosis.noise import deviation
+from lfd_diagnosis.radar_signal import is_bad, is_held, repeats_wrongly
+from lfd_diagnosis.radar_state import SLOW_TIME, WANDERING, is_either_held, wander_of
+from lfd_diagnosis.repetition import (
     CHANCE,
-    append,
-    at,
-    beyond,
-    deviation,
     is_beyond_chance,
     is_frozen_for,
-    is_noiseless,
     repeats_by_itself,
-    resolution_of,
     run_by_chance,
-    start_ring,
     times_too_long,
     times_unchanged,
 )
-from lfd_diagnosis.lead_track import predict_track, set_clearance
-from lfd_diagnosis.radar_signal import is_bad, is_held, repeats_wrongly
-from lfd_diagnosis.radar_state import SLOW_TIME, WANDERING, is_either_held, wander_of
+from lfd_diagnosis.ring import append, at, start_ring
+from lfd_diagnosis.roughness import is_noiseless, resolution_of
+from lfd_diagnosis.sample import beyond
 from lfd_diagnosis.travelled_path import drift_rate
 from lfd_mpc.compiled import inner
 

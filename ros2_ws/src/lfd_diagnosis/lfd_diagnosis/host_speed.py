@@ -5,31 +5,29 @@ from math import isfinite, isnan
 import numpy as np
 
 from lfd_diagnosis.evidence import BECAUSE, Ground, give_ground, repeats
-from lfd_diagnosis.healthy_signal import (
-    LEARNT_NOISE,
+from lfd_diagnosis.noise import LEARNT_NOISE, deviation, learn_noise, start_noise
+from lfd_diagnosis.repetition import (
     REPETITION,
-    ROUGHNESS,
-    deviation,
-    empty_roughness,
     excuse_repetition,
-    filter_share,
     is_beyond_chance,
     is_frozen,
-    is_new,
+    note_change,
+    restart_repetition,
+    start_repetition,
+    take_repetition,
+)
+from lfd_diagnosis.roughness import (
+    ROUGHNESS,
+    empty_roughness,
     is_noiseless,
     is_rough,
-    learn_noise,
-    note_change,
     resolution_of,
-    restart_repetition,
     restart_roughness,
     rough_share,
-    start_noise,
-    start_repetition,
     start_roughness,
-    take_repetition,
     take_roughness,
 )
+from lfd_diagnosis.sample import filter_share, is_new
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S, share_of

@@ -5,7 +5,7 @@ from math import isnan, sqrt
 import numpy as np
 
 from lfd_diagnosis.evidence import BECAUSE, Ground, give_ground
-from lfd_diagnosis.healthy_signal import as_measured, is_new
+from lfd_diagnosis.sample import as_measured, is_new
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S, share_of
 

@@ -5,18 +5,6 @@ from math import exp, isfinite, sqrt
 import numpy as np
 
 from lfd_diagnosis.evidence import repeats
-from lfd_diagnosis.healthy_signal import (
-    POSSIBLE_JERK,
-    as_measured,
-    excuse_repetition,
-    is_new,
-    learn_noise,
-    note_change,
-    resolution_of,
-    restart_roughness,
-    take_repetition,
-    take_roughness,
-)
 from lfd_diagnosis.held_radar import (
     follow_held_velocity,
     is_sent_again,
@@ -35,6 +23,7 @@ from lfd_diagnosis.lead_track import (
     predict_track,
     velocity_then,
 )
+from lfd_diagnosis.noise import learn_noise
 from lfd_diagnosis.radar_requalification import look_for_agreement, requalify
 from lfd_diagnosis.radar_signal import (
     classify,
@@ -70,6 +59,9 @@ from lfd_diagnosis.radar_target import (
     look_for_new_target,
     sort_out_target,
 )
+from lfd_diagnosis.repetition import excuse_repetition, note_change, take_repetition
+from lfd_diagnosis.roughness import resolution_of, restart_roughness, take_roughness
+from lfd_diagnosis.sample import POSSIBLE_JERK, as_measured, is_new
 from lfd_diagnosis.scan_rows import begins_to_tell, is_scan
 from lfd_diagnosis.travelled_path import (
     LARGEST_GAP,

@@ -4,8 +4,8 @@ from math import isfinite, sqrt
 
 import numpy as np
 
-from lfd_diagnosis.healthy_signal import deviation, resolution_of
 from lfd_diagnosis.lead_track import believe, set_clearance, set_velocity
+from lfd_diagnosis.noise import deviation
 from lfd_diagnosis.radar_signal import (
     agrees_long_enough,
     came_back_and_shifts,
@@ -27,6 +27,7 @@ from lfd_diagnosis.radar_signal import (
 )
 from lfd_diagnosis.radar_state import is_radar_faulty, is_reference_lost, wander_of
 from lfd_diagnosis.radar_target import begin_target
+from lfd_diagnosis.roughness import resolution_of
 from lfd_diagnosis.travelled_path import (
     LEAST_TIME,
     clear_path,

@@ -5,25 +5,21 @@ from math import isfinite, isnan, sqrt
 import numpy as np
 
 from lfd_diagnosis.evidence import BECAUSE, Ground, is_gauged, repeats
-from lfd_diagnosis.healthy_signal import (
-    LEARNT_NOISE,
+from lfd_diagnosis.noise import LEARNT_NOISE, deviation, start_noise
+from lfd_diagnosis.repetition import (
     REPETITION,
-    RING,
-    ROUGHNESS,
-    append,
-    at,
-    deviation,
     is_beyond_chance,
     is_frozen,
-    is_full,
+    restart_repetition,
+    start_repetition,
+)
+from lfd_diagnosis.ring import RING, append, at, is_full, start_ring
+from lfd_diagnosis.roughness import (
+    ROUGHNESS,
     is_noiseless,
     is_rough,
     resolution_of,
-    restart_repetition,
     restart_roughness,
-    start_noise,
-    start_repetition,
-    start_ring,
     start_roughness,
 )
 from lfd_diagnosis.verdict import Kind

@@ -5,7 +5,6 @@ from math import exp
 import numpy as np
 
 from lfd_diagnosis.evidence import repeats
-from lfd_diagnosis.healthy_signal import RING, restart_roughness
 from lfd_diagnosis.lead_track import LEAD_TRACK, set_clearance
 from lfd_diagnosis.new_target import LEAP, forget_leap
 from lfd_diagnosis.radar_signal import (
@@ -16,6 +15,8 @@ from lfd_diagnosis.radar_signal import (
     restart_signal,
     start_signal,
 )
+from lfd_diagnosis.ring import RING
+from lfd_diagnosis.roughness import restart_roughness
 from lfd_diagnosis.scan_rows import SCAN_ROWS, restart_scan_rows, start_scan_rows
 from lfd_diagnosis.travelled_path import DRIFT, TRAVELLED_PATH, clear_path, start_path, wander
 from lfd_mpc.compiled import inner

@@ -5,14 +5,6 @@ from math import isfinite
 import numpy as np
 
 from lfd_diagnosis.evidence import Ground, give_ground
-from lfd_diagnosis.healthy_signal import (
-    at,
-    deviation,
-    is_beyond_chance,
-    is_rough,
-    resolution_of,
-    rough_share,
-)
 from lfd_diagnosis.held_radar import (
     catches_up,
     clearance_catches_up,
@@ -20,6 +12,7 @@ from lfd_diagnosis.held_radar import (
     velocity_seems_held,
 )
 from lfd_diagnosis.lead_track import believe, set_clearance, set_velocity
+from lfd_diagnosis.noise import deviation
 from lfd_diagnosis.radar_requalification import rebase
 from lfd_diagnosis.radar_signal import (
     GRADUAL,
@@ -33,6 +26,9 @@ from lfd_diagnosis.radar_signal import (
     may_be_outliers,
 )
 from lfd_diagnosis.radar_state import go_over, wander_of, widening
+from lfd_diagnosis.repetition import is_beyond_chance
+from lfd_diagnosis.ring import at
+from lfd_diagnosis.roughness import is_rough, resolution_of, rough_share
 from lfd_diagnosis.travelled_path import (
     BEYOND_WINDOW,
     clear_path,

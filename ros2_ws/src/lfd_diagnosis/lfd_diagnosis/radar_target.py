@@ -4,12 +4,6 @@ from math import isnan
 
 import numpy as np
 
-from lfd_diagnosis.healthy_signal import (
-    deviation,
-    empty_roughness,
-    resolution_of,
-    restart_roughness,
-)
 from lfd_diagnosis.held_radar import begin_to_hold
 from lfd_diagnosis.lead_track import (
     believe,
@@ -19,6 +13,7 @@ from lfd_diagnosis.lead_track import (
     velocity_then,
 )
 from lfd_diagnosis.new_target import follow_leap, forget_leap, is_far, judge_leap
+from lfd_diagnosis.noise import deviation
 from lfd_diagnosis.radar_signal import (
     agrees_by_now,
     begin_to_judge,
@@ -43,6 +38,7 @@ from lfd_diagnosis.radar_state import (
     is_reference_lost,
     limits_about,
 )
+from lfd_diagnosis.roughness import empty_roughness, resolution_of, restart_roughness
 from lfd_diagnosis.travelled_path import skip_path
 from lfd_mpc.compiled import inner
 from lfd_mpc.samples import UNKNOWN_TRACK

@@ -6,7 +6,7 @@ That is slower than a sensor jumps and faster than it drifts.
 import numpy as np
 
 from lfd_diagnosis.acceleration_jump import came_at_once, jump_deviation
-from lfd_diagnosis.healthy_signal import RING, append, is_full, mean_of, range_of, start_ring
+from lfd_diagnosis.ring import RING, append, is_full, mean_of, range_of, start_ring
 from lfd_mpc.compiled import inner
 
 EVERY, KEPT, MEAN = 5, 24, 4

@@ -9,7 +9,8 @@ from math import isfinite
 
 import numpy as np
 
-from lfd_diagnosis.healthy_signal import RING, append, at, is_full, is_new, start_ring
+from lfd_diagnosis.ring import RING, append, at, is_full, start_ring
+from lfd_diagnosis.sample import is_new
 from lfd_mpc.compiled import inner
 
 CHANGES = 16

@@ -4,13 +4,8 @@ from math import exp
 
 import numpy as np
 
-from lfd_diagnosis.healthy_signal import (
-    LEARNT_NOISE,
-    beyond,
-    deviation,
-    learn_noise,
-    start_noise,
-)
+from lfd_diagnosis.noise import LEARNT_NOISE, deviation, learn_noise, start_noise
+from lfd_diagnosis.sample import beyond
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lfd_diagnosis.healthy_signal import SECOND_DIFFERENCES
+from lfd_diagnosis.roughness import SECOND_DIFFERENCES
 from lfd_diagnosis.verdict import State
 from lfd_mpc.arrays import Array
 from lfd_mpc.samples import Sample
