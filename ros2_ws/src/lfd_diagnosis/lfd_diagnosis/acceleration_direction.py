@@ -26,7 +26,8 @@ FADES = 1.0
 late, or zero below some m/s."""
 
 FITS = 0.5
-"""Share of what contradicts the speed that is left of it where the car moves the other way."""
+"""Share of what contradicts the speed that is left of it where the car moves the other way, and of
+what the speed says that is felt at least."""
 
 CHANGED = 0.4
 """m/s^2 that a speed's derivative must be for its direction to be told by what is felt of it."""

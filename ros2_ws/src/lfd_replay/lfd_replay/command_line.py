@@ -21,7 +21,7 @@ from rich.table import Table
 from lfd_mpc.errors import UserError
 from lfd_replay.drive import Drive, streams_of
 from lfd_replay.faults import Fault, spared_signals
-from lfd_replay.inspection import cannot_run, inspect_streams
+from lfd_replay.inspection import cannot_run, missing_of
 from lfd_replay.paths import named_path
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, known_profile
 from lfd_replay.read_drive import add_read_options
@@ -153,7 +153,7 @@ def idle_faults(drive: Drive, faults: list[Fault]) -> list[str]:
 
 def oddities_of(drive: Drive, faults: list[Fault]) -> list[str]:
     """What was accepted although it looks odd, in words: a drive, and faults on it."""
-    unfit = cannot_run(inspect_streams(streams_of(drive.samples))["missing"])
+    unfit = cannot_run(missing_of(streams_of(drive.samples)))
     return [*drive.warnings, *([unfit] if unfit else []), *idle_faults(drive, faults)]
 
 

@@ -2,7 +2,7 @@
 
 import argparse
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from rich.table import Table
@@ -10,20 +10,42 @@ from rich.table import Table
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import Sample
 from lfd_replay.command_line import print_table
+from lfd_replay.drive_bag import open_bag
 from lfd_replay.errors import WrongOption, run_command
-from lfd_replay.inspection import bag_topics, cannot_run, inspect_streams, remarks
+from lfd_replay.inspection import cannot_run, inspect_streams, remarks
 from lfd_replay.paths import named_path, refuse_to_overwrite
 from lfd_replay.read_drive import (
     DRIVE_HELP,
     ReadOptions,
     add_read_options,
     files_read,
+    is_bag,
     oddities,
     read_as_it_is,
     read_options,
     read_streams,
 )
 from lfd_replay.text_file import write_text
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic of a bag: name, type, and how many messages it has."""
+
+    name: str
+    type: str
+    messages: int
+
+
+def _bag_topics(path: Path) -> list[Topic]:
+    """All topics of a bag; none for another kind of recording. Raises UserError."""
+    if not is_bag(path):
+        return []
+    with open_bag(path) as reader:
+        return sorted(
+            (Topic(c.topic, c.msgtype, c.msgcount) for c in reader.connections),
+            key=lambda topic: topic.name,
+        )
 
 
 def _figure(value: float | None, unit: str = "", digits: int = 3) -> str:
@@ -84,7 +106,7 @@ def main_inspect(arguments: list[str]) -> int:
     if options.json:
         refuse_to_overwrite(options.json, files_read(options, options.drive))
     streams, damage, problem = _read(options.drive, reading)
-    topics = bag_topics(options.drive)
+    topics = _bag_topics(options.drive)
     figures = inspect_streams(streams)
     if problem:
         figures["runs"], figures["missing"] = False, [problem]

@@ -1,9 +1,7 @@
 """What a recording holds, and whether the graph can run on it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from operator import itemgetter
-from pathlib import Path
 
 import numpy as np
 
@@ -19,8 +17,6 @@ from lfd_mpc.samples import (
 )
 from lfd_mpc.sampling import AHEAD_NS
 from lfd_replay.drive import nothing_of, stamps_of
-from lfd_replay.drive_bag import open_bag
-from lfd_replay.read_drive import is_bag
 
 GAP_PERIODS = 5
 """A gap is longer than so many of an input's own periods."""
@@ -32,37 +28,21 @@ CLOCK_OFF = 1.1
 """How many times longer they may be: no sensor's clock is exact."""
 
 
-@dataclass(frozen=True)
-class Topic:
-    """A topic of a bag: name, type, and how many messages it has."""
-
-    name: str
-    type: str
-    messages: int
-
-
-def bag_topics(path: Path) -> list[Topic]:
-    """All topics of a bag; none for another kind of recording. Raises UserError."""
-    if not is_bag(path):
-        return []
-    with open_bag(path) as reader:
-        return sorted(
-            (Topic(c.topic, c.msgtype, c.msgcount) for c in reader.connections),
-            key=lambda topic: topic.name,
-        )
-
-
 def inspect_streams(streams: dict[str, list[Sample]]) -> dict:
     """Figures of every input; times in s, None where there is nothing to tell."""
-    inputs = {name: _inspect(streams.get(name, ())) for name in INPUTS}
     stamps = [sample.stamp for stream in streams.values() for sample in stream]
-    missing = [*_missing(inputs, streams), *_apart(streams)]
+    missing = missing_of(streams)
     return {
         "duration_s": (max(stamps) - min(stamps)) * 1e-9 if stamps else 0.0,
-        "inputs": inputs,
+        "inputs": {name: _inspect(streams.get(name, ())) for name in INPUTS},
         "runs": not missing,
         "missing": missing,
     }
+
+
+def missing_of(streams: dict[str, list[Sample]]) -> list[str]:
+    """What the graph lacks to run on these streams, in words; empty where it can."""
+    return [*_missing(streams), *_apart(streams)]
 
 
 def cannot_run(missing: Sequence[str]) -> str:
@@ -70,11 +50,17 @@ def cannot_run(missing: Sequence[str]) -> str:
     return f"the graph cannot run on it: {'; '.join(missing)}" if missing else ""
 
 
+def _period(steps: Array) -> float | None:
+    """Median of the times in ns from one sample to a later one; None where there are none."""
+    forward = steps[steps > 0]
+    return float(np.median(forward)) if len(forward) else None
+
+
 def _inspect(stream: Sequence[Sample]) -> dict:
     stamps = stamps_of(stream)
     steps = np.diff(stamps)
     forward = steps[steps > 0]
-    period = float(np.median(forward)) if len(forward) else None
+    period = _period(steps)
     gaps = forward[forward > GAP_PERIODS * period] if period else forward[:0]
     figures = {
         "samples": len(stamps),
@@ -111,23 +97,23 @@ def _range(values: Sequence[float]) -> dict:
     }
 
 
-def _missing(inputs: dict[str, dict], streams: dict[str, list[Sample]]) -> list[str]:
-    """What the graph lacks, in words."""
+def _missing(streams: dict[str, list[Sample]]) -> list[str]:
+    """What inputs lack each by itself."""
     missing = []
     for name, slowest in LONGEST_PERIOD.items():
-        figures = inputs[name]
+        period = _period(np.diff(stamps_of(streams.get(name, ()))))
         lack = nothing_of(name, streams)
         if lack:
             missing.append(lack)
-        elif figures["period_s"] is None:
+        elif period is None:
             missing.append(f"{name}: one sample tells nothing")
-        elif figures["period_s"] > CLOCK_OFF * slowest:
+        elif period * 1e-9 > CLOCK_OFF * slowest:
             missing.append(
-                f"{name} comes every {figures['period_s']:.3f} s; "
+                f"{name} comes every {period * 1e-9:.3f} s; "
                 f"more often than every {slowest:g} s is needed"
             )
-    radar = inputs[RADAR]
-    if radar["samples"] and not radar["share_with_lead"]:
+    scans = [s for s in streams.get(RADAR, ()) if isinstance(s, RadarSample)]
+    if scans and not any(scan.has_target for scan in scans):
         missing.append("the radar never sees a lead")
     return missing
 
