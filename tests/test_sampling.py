@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, LEAD_ACCELERATION, RadarSample, ScalarSample
-from lfd_mpc.sampling import Sampler, StepInputs
+from lfd_mpc.sampling import Sampler
+from lfd_mpc.step_inputs import StepInputs
 
 MS = 1_000_000
 

@@ -22,8 +22,8 @@ from math import isfinite, nan
 
 from lfd_diagnosis.settings import DecisionSettings
 from lfd_diagnosis.verdict import Kind, Reconstruction, Report, State
+from lfd_mpc.arrival import AHEAD_NS
 from lfd_mpc.decision import Action, Decision, FaultLevel, braking_needed
-from lfd_mpc.sampling import AHEAD_NS
 
 LOST = (State.FAULT, State.NO_DATA)
 """States of a signal that is not driven by."""

@@ -20,8 +20,9 @@ from lfd_mpc.controller import (
     roll_out,
 )
 from lfd_mpc.samples import ACCELERATION, Sample, ScalarSample
-from lfd_mpc.sampling import STEP_INPUTS, Sampler, is_due, next_step, restart_reason, take_clock
+from lfd_mpc.sampling import Sampler, is_due, next_step, take_clock
 from lfd_mpc.settings import MpcSettings
+from lfd_mpc.step_inputs import STEP_INPUTS, restart_reason
 
 NOTHING = np.empty(0)
 

@@ -8,9 +8,9 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from lfd_mpc.arrival import AHEAD_NS
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
-from lfd_mpc.sampling import AHEAD_NS
 
 LATEST = 2**31
 """Stamps are below so many s: a message's seconds are a signed number of 32 bits."""

@@ -6,6 +6,7 @@ from operator import itemgetter
 import numpy as np
 
 from lfd_mpc.arrays import Array
+from lfd_mpc.arrival import AHEAD_NS
 from lfd_mpc.samples import (
     ACCELERATION,
     HOST_SPEED,
@@ -15,7 +16,6 @@ from lfd_mpc.samples import (
     Sample,
     ScalarSample,
 )
-from lfd_mpc.sampling import AHEAD_NS
 from lfd_replay.drive import nothing_of, stamps_of
 
 GAP_PERIODS = 5

@@ -21,7 +21,8 @@ from lfd_mpc.messages import from_message, from_time
 from lfd_mpc.mpc_node import RECEIPTS_QOS, RECEIPTS_TOPIC
 from lfd_mpc.node_support import PIPELINE_QOS
 from lfd_mpc.samples import Sample
-from lfd_mpc.sampling import Reading, Sampler, StepInputs
+from lfd_mpc.sampling import Sampler
+from lfd_mpc.step_inputs import Reading, StepInputs
 from lfd_msgs.msg import FaultReport, ObserverBank, PredictionHorizon, ReconstructedState
 from lfd_replay.faults import MEASURED
 

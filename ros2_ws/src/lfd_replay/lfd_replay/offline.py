@@ -15,11 +15,12 @@ from lfd_diagnosis.diagnosis import Diagnosis, RobustDiagnosis, make_diagnosis
 from lfd_diagnosis.paper_diagnosis import paper_step
 from lfd_diagnosis.robust_diagnosis import robust_step
 from lfd_diagnosis.verdict import Event, Outcome
+from lfd_mpc.arrival import push_sample
 from lfd_mpc.compiled import borrowing, entry, inner
 from lfd_mpc.errors import UserError
 from lfd_mpc.horizon import HORIZON, STATUS_TEXTS, Horizon, Mpc, Progress, mpc_step
 from lfd_mpc.samples import Sample, sample_array
-from lfd_mpc.sampling import push_sample, restart_reason
+from lfd_mpc.step_inputs import restart_reason
 from lfd_observer.bank import BankState, ObserverBank, bank_step
 from lfd_replay.profiles import GraphSettings
 
