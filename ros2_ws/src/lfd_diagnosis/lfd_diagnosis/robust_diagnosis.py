@@ -5,21 +5,11 @@ from math import isnan
 import numpy as np
 
 from lfd_diagnosis.acceleration_direction import may_reverse
-from lfd_diagnosis.acceleration_monitor import (
-    coast_acceleration,
-    expected_acceleration,
-    expected_std,
-    follow_acceleration,
-    has_evidence,
-    is_unheard,
-    judge_acceleration,
-)
-from lfd_diagnosis.acceleration_state import (
-    ACCELERATION,
-    restart_acceleration,
-    start_acceleration,
-)
+from lfd_diagnosis.acceleration_monitor import coast_acceleration, has_evidence, judge_acceleration
+from lfd_diagnosis.acceleration_samples import follow_acceleration
+from lfd_diagnosis.acceleration_state import ACCELERATION, restart_acceleration, start_acceleration
 from lfd_diagnosis.evidence import BECAUSE, CHECK, is_gauged
+from lfd_diagnosis.healthy_acceleration import expected_acceleration, expected_std, is_unheard
 from lfd_diagnosis.host_speed import is_standing, is_usable
 from lfd_diagnosis.lead_report import (
     LEAD_REPORT,
