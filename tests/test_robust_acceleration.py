@@ -642,6 +642,20 @@ def test_an_acceleration_that_jumps_and_stays_there_is_held_and_no_offset(car: C
     assert car.faults_since(start) == {"acceleration"}
 
 
+@pytest.mark.parametrize("offset", [1.5, -2.0, 4.0, -8.0])
+def test_a_jump_has_its_size_from_the_first_step_that_tells_of_it(car: Car, offset: float) -> None:
+    """Who reads the event that tells of a fault reads no other one: what was filtered until then is
+    a half of it."""
+    start = car.number
+    car.drive(1.0, acceleration=offset)
+    said = [o.report.acceleration for o in car.outcomes[start:]]
+    faulty = [verdict for verdict in said if verdict.state == State.FAULT]
+    assert len(faulty) > 50
+    for verdict in faulty:
+        assert verdict.size == pytest.approx(offset, rel=0.2)
+        assert abs(verdict.size - offset) < 3.0 * verdict.size_std < 0.6
+
+
 def test_a_jump_has_the_size_it_began_with(car: Car) -> None:
     """Later its reference has been coasted: a lead that brakes is no change of the fault."""
     car.drive(1.0, clearance=4.0, relative_velocity=-10.0)

@@ -43,9 +43,6 @@ come down from thrice to once their width."""
 SMOOTH = 0.3
 """Time constant in s through which an acceleration is rebuilt from the relative one."""
 
-BLIND_STD = 0.7
-"""m/s^2 to which an acceleration is known from the lead's alone: how much that varies."""
-
 SWINGS = 16
 """Steps in which a bump swings forth and back twice: their mean must have jumped, too."""
 
@@ -320,8 +317,7 @@ def _follow_fault(monitor, settings, lead_report):
     residual = monitor.lead - monitor.lead_reference
     monitor.settled += 1
     follow_off(monitor, residual)
-    estimate_size(monitor, residual)
-    monitor.size_std = BLIND_STD
+    estimate_size(monitor, residual, False)
     limit = _report_limit(monitor, settings) if trusted else settings.jump_limit
     if not trusted and _was_seen_better(monitor, lead_report):
         residual, limit = monitor.off, min(limit, 0.5 * abs(monitor.size))

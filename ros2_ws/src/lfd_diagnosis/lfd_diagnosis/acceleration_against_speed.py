@@ -361,7 +361,7 @@ def _follow_fault(monitor, settings, off):
     monitor.felt = off if isnan(monitor.felt) else monitor.felt + FELT_SHARE * (off - monitor.felt)
     follow_off(monitor, residual)
     monitor.settled += 1
-    estimate_size(monitor, residual)
+    estimate_size(monitor, residual, True)
     _follow_slope(monitor, settings, off)
     least = LEAST if monitor.kind == Kind.OFFSET else settings.acceleration_limit
     limit = max(0.5 * abs(monitor.off), least)

@@ -173,9 +173,16 @@ def is_measured(jump):
 
 
 @inner
-def jump_deviation(jump):
-    """How well a jump is known, in m/s^2."""
+def jump_noise(jump):
+    """How well a jump may be known, in m/s^2."""
     return deviation(jump.noise[jump.window])
+
+
+@inner
+def jump_deviation(jump):
+    """How well a jump is known that was found, in m/s^2: of what came after it the mean grows."""
+    shorter = WINDOWS[jump.window] / jump.steps
+    return jump_noise(jump) * sqrt(0.5 * (1.0 + shorter))
 
 
 @inner

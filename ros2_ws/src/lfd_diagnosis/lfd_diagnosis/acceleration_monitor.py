@@ -23,7 +23,7 @@ from lfd_diagnosis.acceleration_against_speed import (
 from lfd_diagnosis.acceleration_direction import may_reverse
 from lfd_diagnosis.acceleration_jump import came_at_once, restart_jump
 from lfd_diagnosis.acceleration_samples import coast_samples
-from lfd_diagnosis.acceleration_size import find_size
+from lfd_diagnosis.acceleration_size import estimate_size, find_size
 from lfd_diagnosis.acceleration_state import (
     forget_baseline,
     forgive_acceleration,
@@ -277,9 +277,9 @@ def _convict(monitor, settings, kind, ground, first, second):
         monitor.reference = monitor.slope
     monitor.slope_before, monitor.corrected = monitor.reference, False
     off = monitor.check.residual if monitor.check.ground != Ground.NONE else 0.0
-    monitor.size = monitor.off = off
-    monitor.size_std, monitor.settled = np.nan, 0
+    monitor.off, monitor.settled = off, 0
     find_size(monitor, off)
+    estimate_size(monitor, off, ground == Ground.HOST_SPEED)
     forget_baseline(monitor)
     monitor.back_for, monitor.settling = 0, False
     # Where a late speed smears what it tells of a manoeuvre, the differences do not show a jump.

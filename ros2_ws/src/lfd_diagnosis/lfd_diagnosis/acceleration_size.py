@@ -5,13 +5,15 @@ from math import sqrt
 from lfd_diagnosis.acceleration_jump import (
     find_jump,
     forget_jump,
-    is_measured,
     jump_deviation,
     jump_size,
 )
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
+
+BLIND_STD = 0.7
+"""m/s^2 to which an acceleration is known from the lead's alone: how much that varies."""
 
 JUMPED = 0.6
 """Share of its difference from the slow mean that came within the last moment where it jumped."""
@@ -36,10 +38,13 @@ def find_size(monitor, off):
 
 
 @inner
-def estimate_size(monitor, residual):
+def estimate_size(monitor, residual, by_speed):
     """How large a fault is and how well that is known, from what it is off by now (m/s^2): a jump's
-    size is taken just after it, when the slope has hardly changed, others' as they are now."""
-    if is_measured(monitor.jump):
+    size is taken just after it, when the slope has hardly changed, others' as they are now.
+
+    `by_speed`: whether the host's speed tells, or the lead alone.
+    """
+    if monitor.jump.found:
         monitor.size = jump_size(monitor.jump)
         monitor.size_std = jump_deviation(monitor.jump)
         return
@@ -48,5 +53,8 @@ def estimate_size(monitor, residual):
         monitor.size = monitor.off
     elif settled <= SIZE_TO:
         monitor.size += (residual - monitor.size) / (settled - SIZE_FROM + 1)
+    if not by_speed:
+        monitor.size_std = BLIND_STD
+        return
     drift = SLOPE_DRIFT**2 * min(settled * STEP_S, JUMP_TIME)
     monitor.size_std = sqrt(monitor.step_noise.variance + drift)

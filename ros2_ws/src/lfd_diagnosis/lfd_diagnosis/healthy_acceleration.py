@@ -2,9 +2,8 @@
 
 from math import isnan, sqrt
 
-from lfd_diagnosis.acceleration_against_lead import BLIND_STD
 from lfd_diagnosis.acceleration_jump import is_measured
-from lfd_diagnosis.acceleration_size import DRIFT_TIME, SLOPE_DRIFT
+from lfd_diagnosis.acceleration_size import BLIND_STD, DRIFT_TIME, SLOPE_DRIFT
 from lfd_diagnosis.acceleration_state import BASELINE_DELAY, newest_sample
 from lfd_diagnosis.host_speed import is_usable
 from lfd_diagnosis.roughness import SECOND_DIFFERENCES

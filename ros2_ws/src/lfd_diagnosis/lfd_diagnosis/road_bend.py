@@ -5,7 +5,7 @@ That is slower than a sensor jumps and faster than it drifts.
 
 import numpy as np
 
-from lfd_diagnosis.acceleration_jump import came_at_once, jump_deviation
+from lfd_diagnosis.acceleration_jump import came_at_once, jump_noise
 from lfd_diagnosis.ring import RING, append, is_full, mean_of, range_of, start_ring
 from lfd_mpc.compiled import inner
 
@@ -87,7 +87,7 @@ def follow_bend(bend, jump, difference, derivative, felt, speed, steepest):
         # What is older than a bend says nothing of how the road goes on from there.
         before = bend.level
     changed = now - before
-    if abs(changed) < FASTER + jump_deviation(jump) or abs(now) > steepest:
+    if abs(changed) < FASTER + jump_noise(jump) or abs(now) > steepest:
         return 0.0
     if not (SLOWEST <= speed <= FASTEST and _is_steady(bend, abs(changed))):
         return 0.0
