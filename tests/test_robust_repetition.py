@@ -252,6 +252,15 @@ def test_before_a_car_that_stands_a_relative_velocity_drifts_beside_a_clearance_
     assert standing.outcomes[-1].report.relative_velocity.kind == Kind.RAMP
 
 
+def test_before_a_car_that_stands_a_clearance_of_zero_is_called_so(standing: Car) -> None:
+    """It says the same as rightly as before, but it jumped there."""
+    start = standing.number
+    standing.drive(2.0, host_speed_is=0.0, clearance_is=0.0)
+    assert standing.faults_since(start) == {"clearance", "radar"}
+    said = [o.report.clearance for o in standing.outcomes[start + 40 :]]
+    assert {verdict.kind for verdict in said} == {Kind.ZERO}
+
+
 def test_before_a_car_that_stands_a_relative_velocity_is_held_as_the_lead_drives_off(
     standing: Car,
 ) -> None:

@@ -59,7 +59,12 @@ from lfd_diagnosis.radar_target import (
     look_for_new_target,
     sort_out_target,
 )
-from lfd_diagnosis.repetition import excuse_repetition, note_change, take_repetition
+from lfd_diagnosis.repetition import (
+    excuse_repetition,
+    note_change,
+    restart_repetition,
+    take_repetition,
+)
 from lfd_diagnosis.roughness import resolution_of, restart_roughness, take_roughness
 from lfd_diagnosis.sample import POSSIBLE_JERK, as_measured, is_new
 from lfd_diagnosis.scan_rows import begins_to_tell, is_scan
@@ -214,9 +219,10 @@ def _scan(radar, settings, track_id):
     # Where one of the two is held, the other may be, too.
     held = is_either_held(radar)
     if stand_both(radar):
-        # Both say the same for long.
-        for signal in (radar.clearance, radar.velocity):
-            excuse_repetition(signal.repetition, signal.faulty)
+        # Both say the same for long; a clearance that jumped there, to zero maybe, tells by it.
+        excuse_repetition(radar.velocity.repetition, radar.velocity.faulty)
+        if not radar.clearance.faulty:
+            restart_repetition(radar.clearance.repetition)
     learn = radar.host_moves and not held
     steady = stays_without_noise(radar)
     same_clearance = clearance.new and _repeats(radar.clearance, clearance.value, learn, steady)

@@ -142,11 +142,17 @@ def judge_offset(judge: Judge) -> None:
     delays = judge.found(signal, 0.99)
     judge.middle("median delay", delays, 0.300 if signal == "acceleration" else 0.200)
     judge.no_blame(0.98)
-    made = [m for m in judge.of(signal) if m["kind"] is not None]
-    judge.share("kind named", [m["kind"] == Kind.OFFSET for m in made], 0.90)
+    made = _named(judge, signal, Kind.OFFSET)
     judge.share("size right", [_size_right(m) for m in made], 0.90)
     _over(judge)
     judge.no_false_events()
+
+
+def _named(judge: Judge, signal: str, kind: Kind) -> list[dict]:
+    """The windows at whose end the signal was called faulty, and how many named its `kind`."""
+    made = [m for m in judge.of(signal) if m["kind"] is not None]
+    judge.share("kind named", [m["kind"] == kind for m in made], 0.90)
+    return made
 
 
 def _size_right(made: dict) -> bool:
@@ -246,7 +252,7 @@ def is_clear_soon(made: dict) -> bool:
     return made["clear"] is not None and made["clear"] <= CLEAR_SOON
 
 
-def judge_held(judge: Judge) -> None:
+def judge_held(judge: Judge, kind: Kind) -> None:
     """A signal that is held, or zero: found within 0.5 s of having moved enough to tell."""
     (signal,) = judge.signals()
     judge.share(
@@ -254,6 +260,7 @@ def judge_held(judge: Judge) -> None:
         [_told_in_time(m, signal) for m in judge.of(signal) if _moved(m, signal)],
         0.99,
     )
+    _named(judge, signal, kind)
     judge.no_blame(0.98)
 
 
@@ -307,6 +314,7 @@ def judge_ramp(judge: Judge) -> None:
         [m["at_found"] is not None and m["at_found"] <= ONSET[signal] for m in judge.of(signal)],
         0.95,
     )
+    _named(judge, signal, Kind.RAMP)
     judge.no_blame(0.98)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+from lfd_diagnosis.verdict import Kind
 from lfd_replay.evaluation.cases import RECORDED
 from lfd_replay.evaluation.fault_windows import LENGTH, PAPER, Values
 from lfd_replay.evaluation.mishaps import CHANGING_IDS, MISHAPS
@@ -39,8 +40,8 @@ VALUES_OF_KIND = {
 """Other kinds of fault by signal, with their values; noise is ten times the sensor's own."""
 
 JUDGES = {
-    "hold": judges.judge_held,
-    "zero": judges.judge_held,
+    "hold": partial(judges.judge_held, kind=Kind.HOLD),
+    "zero": partial(judges.judge_held, kind=Kind.ZERO),
     "dropout": judges.judge_dropout,
     "ramp": judges.judge_ramp,
 }
