@@ -328,6 +328,59 @@ def test_what_leaves_its_limits_gradually_and_comes_back_at_once_is_no_offset(
     assert not car.faults_since(start)
 
 
+@pytest.mark.parametrize(("offset", "within"), [(0.35, 2.5), (-0.5, 1.8), (0.7, 1.3)])
+def test_a_small_step_of_the_relative_velocity_is_wrong_where_the_clearance_leaves_its_path(
+    car: Car, offset: float, within: float
+) -> None:
+    """Within its limits; as far as they come apart by then no drift would be told."""
+    start = car.number
+    report = car.drive(3.0, relative_velocity=offset).report
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+    assert car.delay("relative_velocity", start) <= within
+    assert report.relative_velocity.kind == Kind.OFFSET
+    assert report.relative_velocity.size == pytest.approx(offset, rel=0.2)
+    assert abs(car.outcomes[-1].reconstruction.relative_velocity - car.velocity) < 0.2
+
+
+@pytest.mark.parametrize("offset", [0.2, -0.2])
+def test_a_step_of_the_relative_velocity_that_a_lead_may_make_tells_nothing(
+    car: Car, offset: float
+) -> None:
+    start = car.number
+    car.drive(3.0, relative_velocity=offset)
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize(("seconds", "drift"), [(0.06, 0.0), (0.5, 0.3), (0.5, -0.3)])
+def test_a_lead_that_jerks_beside_a_clearance_that_wanders_is_no_step(
+    car: Car, seconds: float, drift: float
+) -> None:
+    """A step that the clearance follows, or that did not come at once, is the lead's."""
+    start = car.number
+    car.lead_acceleration = -8.0
+    car.drive(seconds)
+    car.lead_acceleration = 0.0
+    for k in range(250):
+        car.step(clearance=drift * 0.01 * k)
+    assert not car.faults_since(start)
+
+
+def test_a_step_of_the_relative_velocity_that_goes_back_tells_nothing(car: Car) -> None:
+    start = car.number
+    car.drive(0.1, relative_velocity=0.5)
+    for k in range(200):
+        car.step(clearance=-0.004 * k)
+    assert "relative_velocity" not in car.faults_since(start)
+
+
+def test_what_shows_only_beside_the_path_is_not_told_where_that_is_not_looked_at() -> None:
+    car = Car(check_drift=False)
+    car.drive(8.0)
+    start = car.number
+    car.drive(3.0, relative_velocity=0.5)
+    assert not car.faults_since(start)
+
+
 def test_a_slow_drift_of_the_clearance_is_seen_over_two_windows(car: Car) -> None:
     start = car.number
     for k in range(700):

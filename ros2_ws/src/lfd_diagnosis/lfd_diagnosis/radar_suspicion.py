@@ -33,10 +33,14 @@ from lfd_diagnosis.travelled_path import (
     BEYOND_WINDOW,
     clear_path,
     explain_drift,
+    explain_step,
     follow_path,
     is_explainable,
+    least_step,
+    note_step,
     path_drift,
     path_limit,
+    step_limit,
     undone_rise,
 )
 from lfd_diagnosis.verdict import Kind
@@ -364,16 +368,25 @@ def hold_against_path(radar, settings):
         radar.measured_velocity.value,
         velocity.residual,
     )
+    least = least_step(deviation(velocity.noise), resolution_of(velocity.roughness))
+    note_step(path, settings, path.then, velocity.residual, least)
     drift = path_drift(path, settings, limit)
-    if settings.check_drift and abs(drift) > limit and is_explainable(path):
+    if not (settings.check_drift and is_explainable(path)):
+        return
+    if abs(drift) > limit:
         _explain(radar, settings, drift, limit, path.reach)
+        return
+    limit = step_limit(path, limit)
+    apart = explain_step(path, settings, limit, least, radar.drift)
+    if apart:
+        _convict_velocity(radar, settings, apart, limit)
 
 
 @inner
 def _explain(radar, settings, difference, limit, reach):
     """Clearance and relative velocity contradict each other in the last `reach` s: convict one."""
     path, track, drift = radar.path, radar.track, radar.drift
-    clearance, velocity = radar.clearance, radar.velocity
+    clearance = radar.clearance
     may_be_held = settings.check_repetition and velocity_seems_held(radar)
     if may_be_held and abs(radar.held.off) > 0.5 * abs(difference):
         # Then it is not the clearance that drifts: in a moment the relative velocity tells.
@@ -394,12 +407,20 @@ def _explain(radar, settings, difference, limit, reach):
         give_ground(clearance.because, Ground.PATH, difference, limit, 0.0)
         _convict(radar, settings, clearance, drift.kind)
         return
+    _convict_velocity(radar, settings, difference, limit)
+
+
+@inner
+def _convict_velocity(radar, settings, difference, limit):
+    """The relative velocity is wrong since clearance and path came apart by so much (m)."""
+    path, track, clearance, velocity = radar.path, radar.track, radar.clearance, radar.velocity
+    error, kind = radar.drift.error, radar.drift.kind
     # Blamed again, for what goes on.
     undrifted = radar.undrifted if _was_blamed(radar) else path.clearance - difference
     set_clearance(track, path.clearance, CLEARANCE_STD**2)
-    set_velocity(track, path.velocity - drift.error, VELOCITY_STD**2)
+    set_velocity(track, path.velocity - error, VELOCITY_STD**2)
     acquit(clearance)
-    velocity.residual = drift.error
+    velocity.residual = error
     give_ground(velocity.because, Ground.PATH, difference, limit, 0.0)
-    _convict(radar, settings, velocity, drift.kind)
+    _convict(radar, settings, velocity, kind)
     radar.undrifted = undrifted

@@ -37,9 +37,9 @@ STEP_SEARCH, STEP_SHARE = 0.3, 0.6
 DOUBT = 0.6
 """Ratio of two explanations' errors above which neither is clearly better."""
 
-CLEAR, PATIENCE = 0.4, 2.2
+CLEAR, PATIENCE, IN_DOUBT = 0.4, 2.2, 2.8
 """The same for who drifts, where the limit is just exceeded, and limits from which on the better
-explanation counts."""
+explanation counts, or what is likelier where a line is better but may be a bend."""
 
 STEEP, WANDERS = 2.0, 0.25
 """How many times its least limit a relative velocity that drifts makes the two come apart at most,
@@ -79,6 +79,20 @@ SIGMA = 5.0
 """Learnt standard deviations of the drift that make its limit."""
 
 
+STEPPED, STEP_SIGMA, STEP_LEAST, STEP_RESOLUTIONS = 0.5, 6.0, 0.25, 2.0
+"""Share of the limit from which on a drift counts that began as the relative velocity stepped by
+just as much, and deviations of its noise, m/s, and steps of its resolution of which that is one."""
+
+BESIDE_STEP, AT_ONCE = 5, 0.6
+"""Scans on either side of a step that tell whether it came at once, and share of it that does."""
+
+LINE_TIME, LINE_DOUBT, STRAIGHT = 0.6, 0.3, 0.12
+"""Seconds after which such a drift is looked at, share of it by which it may differ, and ratio of
+squared errors below which it is a line rather than none."""
+
+STEP_DRIFTS = 4.0
+"""Learnt standard deviations of the drift that it must exceed."""
+
 POINTS = 4096
 """Scans of a path that are kept at most."""
 
@@ -94,6 +108,8 @@ TRAVELLED_PATH = np.dtype(
         ("velocity", "f8"),
         ("skipped", "f8"),
         ("skipped_time", "f8"),
+        ("stepped_at", "f8"),
+        ("stepped_by", "f8"),
     ],
     align=True,
 )
@@ -102,7 +118,8 @@ TRAVELLED_PATH = np.dtype(
 `points` are time (s), that difference (m), how far the velocity was off from its prediction
 (m/s), the velocity (m/s), and the time (s) that was left out until then. `reach`: seconds of path
 that tell who is wrong. `skipped`: steps between parts of a car that were left out of the last
-window, `skipped_time` the seconds that all of them took.
+window, `skipped_time` the seconds that all of them took. `stepped_at`: when (s) the velocity last
+stepped, by `stepped_by` m/s.
 """
 
 DRIFT = np.dtype(
@@ -127,6 +144,7 @@ def clear_path(path):
     path.then = -np.inf
     path.clearance = path.velocity = np.nan
     path.skipped = path.skipped_time = 0.0
+    path.stepped_at, path.stepped_by = -np.inf, 0.0
 
 
 @inner
@@ -195,10 +213,36 @@ def follow_path(path, settings, time, clearance, velocity, step):
 
 
 @inner
+def least_step(noise, resolution):
+    """m/s from which on it is a step of a velocity that has such a `noise` and `resolution`."""
+    return max(STEP_LEAST, STEP_SIGMA * noise, STEP_RESOLUTIONS * resolution)
+
+
+@inner
+def step_limit(path, limit):
+    """m beyond which a drift counts that began as the velocity stepped; the `limit` of others."""
+    return max(STEPPED * limit, STEP_DRIFTS * deviation(path.noise))
+
+
+@inner
+def note_step(path, settings, time, step, least):
+    """Take note of a scan at a time in s whose velocity was off its prediction by a `step` of at
+    `least` so many m/s."""
+    if path.count < 2 or abs(step) < least:
+        return
+    known = time - path.stepped_at <= settings.drift_window
+    if known and abs(step) <= abs(path.stepped_by):
+        # What it steps by is followed little by little.
+        return
+    path.stepped_at, path.stepped_by = time, step
+
+
+@inner
 def skip_path(path, time, clearance, velocity):
     """The scan to come at a time in s is of another part, or another car: what lies between the two
     is no drift, and the time between them tells nothing."""
     path.clearance = clearance - 0.5 * (velocity + path.velocity) * (time - path.then)
+    path.stepped_at += time - path.then
     path.skipped += 1.0
     path.skipped_time += time - path.then
     for i in range(path.count):
@@ -393,6 +437,72 @@ def _tell(drift, of_clearance, kind, error):
 
 
 @inner
+def _came_at_once(path):
+    """The part of the last step (m/s) that no lead makes by accelerating: between the medians of
+    some scans before and after it, less what the velocity rose by before or rises by since."""
+    k = path.count - 1
+    while k > 0 and path.points[_point(path, k), 0] > path.stepped_at:
+        k -= 1
+    if k < BESIDE_STEP or k + BESIDE_STEP > path.count:
+        return 0.0
+    said, times = np.empty(2 * BESIDE_STEP), np.empty(2 * BESIDE_STEP)
+    for i in range(2 * BESIDE_STEP):
+        j = _point(path, k - BESIDE_STEP + i)
+        said[i], times[i] = path.points[j, 3], path.points[j, 0]
+    n = BESIDE_STEP
+    before = (said[n - 1] - said[0]) / (times[n - 1] - times[0])
+    after = (said[2 * n - 1] - said[n]) / (times[2 * n - 1] - times[n])
+    change = np.median(said[n:]) - np.median(said[:n])
+    # In doubt the lead accelerates.
+    gap = times[n + n // 2] - times[n // 2]
+    least = change - gap * max(before, after, 0.0)
+    most = change - gap * min(before, after, 0.0)
+    if least * most <= 0.0:
+        return 0.0
+    return least if abs(least) < abs(most) else most
+
+
+@inner
+def _is_straight(path, before, rate):
+    """Whether a line of that rate (m/s) from what the clearance was beside the path `before` (m)
+    explains what it has been since the step."""
+    line = flat = 0.0
+    for k in range(path.count - 1, -1, -1):
+        i = _point(path, k)
+        since = path.points[i, 0] - path.stepped_at
+        if since < 0.0:
+            break
+        off = path.points[i, 1] - before
+        line += (off - rate * since) ** 2
+        flat += off * off
+    return line < STRAIGHT * flat
+
+
+@inner
+def explain_step(path, settings, limit, least, drift):
+    """Whether the velocity has been wrong since it stepped, as the clearance has it that has left
+    the path in a straight line since then, just as fast: into `drift`. Returns how far that was, in
+    m; 0 where it says nothing. `least`: m/s that are a step."""
+    drift.told = drift.shifted = False
+    since = path.then - path.stepped_at
+    if not LINE_TIME <= since <= settings.drift_window:
+        return 0.0
+    # Its level is that of the middle of the moment that is averaged.
+    before = _level(path, path.stepped_at - MEAN)
+    apart = _level(path, path.then - MEAN) - before
+    expected = -path.stepped_by * (since - 0.5 * MEAN)
+    if abs(apart) < limit or abs(apart - expected) > LINE_DOUBT * abs(expected):
+        return 0.0
+    if not _is_straight(path, before, apart / (since - 0.5 * MEAN)):
+        return 0.0
+    step = _came_at_once(path)
+    if abs(step) < least or step * path.stepped_by < AT_ONCE * path.stepped_by**2:
+        return 0.0
+    _tell(drift, False, Kind.OFFSET, -apart / (since - 0.5 * MEAN))
+    return apart
+
+
+@inner
 def explain_drift(path, settings, reach, excess, held, noise, drift):
     """Who is wrong, by the last `reach` s of the path: into `drift`.
 
@@ -438,7 +548,7 @@ def explain_drift(path, settings, reach, excess, held, noise, drift):
     may_bend = bends or (floor < slope <= STEEP * floor and alike)
     plain = better <= n * PLAIN * PLAIN * noise and better <= ratio * worse
     told = plain and bends == may_bend
-    if not told and excess < PATIENCE:
+    if not told and excess < (PATIENCE if bends == may_bend else IN_DOUBT):
         return
     # Off from the first scan of a target on: a step that nobody could see. Drifts are slower.
     unseen = line_onset - times[0] <= STEP_SEARCH and slope > floor
