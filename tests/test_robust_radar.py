@@ -373,7 +373,7 @@ def test_a_step_of_the_relative_velocity_that_goes_back_tells_nothing(car: Car) 
     assert "relative_velocity" not in car.faults_since(start)
 
 
-def test_what_shows_only_beside_the_path_is_not_told_where_that_is_not_looked_at() -> None:
+def test_a_small_step_is_not_told_where_drifts_are_not_looked_for() -> None:
     car = Car(check_drift=False)
     car.drive(8.0)
     start = car.number

@@ -37,7 +37,6 @@ from lfd_diagnosis.travelled_path import (
     follow_path,
     is_explainable,
     least_step,
-    note_step,
     path_drift,
     path_limit,
     step_limit,
@@ -368,8 +367,6 @@ def hold_against_path(radar, settings):
         radar.measured_velocity.value,
         velocity.residual,
     )
-    least = least_step(deviation(velocity.noise), resolution_of(velocity.roughness))
-    note_step(path, settings, path.then, velocity.residual, least)
     drift = path_drift(path, settings, limit)
     if not (settings.check_drift and is_explainable(path)):
         return
@@ -377,6 +374,7 @@ def hold_against_path(radar, settings):
         _explain(radar, settings, drift, limit, path.reach)
         return
     limit = step_limit(path, limit)
+    least = least_step(deviation(velocity.noise), resolution_of(velocity.roughness))
     apart = explain_step(path, settings, limit, least, radar.drift)
     if apart:
         _convict_velocity(radar, settings, apart, limit)

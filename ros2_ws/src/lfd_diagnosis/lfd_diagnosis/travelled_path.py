@@ -108,8 +108,6 @@ TRAVELLED_PATH = np.dtype(
         ("velocity", "f8"),
         ("skipped", "f8"),
         ("skipped_time", "f8"),
-        ("stepped_at", "f8"),
-        ("stepped_by", "f8"),
     ],
     align=True,
 )
@@ -118,8 +116,7 @@ TRAVELLED_PATH = np.dtype(
 `points` are time (s), that difference (m), how far the velocity was off from its prediction
 (m/s), the velocity (m/s), and the time (s) that was left out until then. `reach`: seconds of path
 that tell who is wrong. `skipped`: steps between parts of a car that were left out of the last
-window, `skipped_time` the seconds that all of them took. `stepped_at`: when (s) the velocity last
-stepped, by `stepped_by` m/s.
+window, `skipped_time` the seconds that all of them took.
 """
 
 DRIFT = np.dtype(
@@ -144,7 +141,6 @@ def clear_path(path):
     path.then = -np.inf
     path.clearance = path.velocity = np.nan
     path.skipped = path.skipped_time = 0.0
-    path.stepped_at, path.stepped_by = -np.inf, 0.0
 
 
 @inner
@@ -225,24 +221,10 @@ def step_limit(path, limit):
 
 
 @inner
-def note_step(path, settings, time, step, least):
-    """Take note of a scan at a time in s whose velocity was off its prediction by a `step` of at
-    `least` so many m/s."""
-    if path.count < 2 or abs(step) < least:
-        return
-    known = time - path.stepped_at <= settings.drift_window
-    if known and abs(step) <= abs(path.stepped_by):
-        # What it steps by is followed little by little.
-        return
-    path.stepped_at, path.stepped_by = time, step
-
-
-@inner
 def skip_path(path, time, clearance, velocity):
     """The scan to come at a time in s is of another part, or another car: what lies between the two
     is no drift, and the time between them tells nothing."""
     path.clearance = clearance - 0.5 * (velocity + path.velocity) * (time - path.then)
-    path.stepped_at += time - path.then
     path.skipped += 1.0
     path.skipped_time += time - path.then
     for i in range(path.count):
@@ -437,19 +419,30 @@ def _tell(drift, of_clearance, kind, error):
 
 
 @inner
-def _came_at_once(path):
-    """The part of the last step (m/s) that no lead makes by accelerating: between the medians of
-    some scans before and after it, less what the velocity rose by before or rises by since."""
-    k = path.count - 1
-    while k > 0 and path.points[_point(path, k), 0] > path.stepped_at:
-        k -= 1
-    if k < BESIDE_STEP or k + BESIDE_STEP > path.count:
-        return 0.0
-    said, times = np.empty(2 * BESIDE_STEP), np.empty(2 * BESIDE_STEP)
-    for i in range(2 * BESIDE_STEP):
-        j = _point(path, k - BESIDE_STEP + i)
-        said[i], times[i] = path.points[j, 3], path.points[j, 0]
+def _largest_step(path, duration):
+    """Where in the last `duration` s the velocity was farthest off its prediction."""
+    farthest = path.count - 1
+    for k in range(path.count - 2, -1, -1):
+        i = _point(path, k)
+        if path.then - path.points[i, 0] > duration:
+            break
+        if abs(path.points[i, 2]) > abs(path.points[_point(path, farthest), 2]):
+            farthest = k
+    return farthest
+
+
+@inner
+def _came_at_once(path, number):
+    """The part of the step at that point (m/s) that no lead makes by accelerating: between the
+    medians of some scans before and after it, less what the velocity rose by before or rises by
+    since."""
     n = BESIDE_STEP
+    if number < n or number + n > path.count:
+        return 0.0
+    said, times = np.empty(2 * n), np.empty(2 * n)
+    for k in range(2 * n):
+        i = _point(path, number - n + k)
+        said[k], times[k] = path.points[i, 3], path.points[i, 0]
     before = (said[n - 1] - said[0]) / (times[n - 1] - times[0])
     after = (said[2 * n - 1] - said[n]) / (times[2 * n - 1] - times[n])
     change = np.median(said[n:]) - np.median(said[:n])
@@ -463,17 +456,15 @@ def _came_at_once(path):
 
 
 @inner
-def _is_straight(path, before, rate):
+def _is_straight(path, number, before, rate):
     """Whether a line of that rate (m/s) from what the clearance was beside the path `before` (m)
-    explains what it has been since the step."""
+    explains what it has been since that point."""
     line = flat = 0.0
-    for k in range(path.count - 1, -1, -1):
+    stepped_at = path.points[_point(path, number), 0]
+    for k in range(number, path.count):
         i = _point(path, k)
-        since = path.points[i, 0] - path.stepped_at
-        if since < 0.0:
-            break
         off = path.points[i, 1] - before
-        line += (off - rate * since) ** 2
+        line += (off - rate * (path.points[i, 0] - stepped_at)) ** 2
         flat += off * off
     return line < STRAIGHT * flat
 
@@ -483,22 +474,24 @@ def explain_step(path, settings, limit, least, drift):
     """Whether the velocity has been wrong since it stepped, as the clearance has it that has left
     the path in a straight line since then, just as fast: into `drift`. Returns how far that was, in
     m; 0 where it says nothing. `least`: m/s that are a step."""
-    drift.told = drift.shifted = False
-    since = path.then - path.stepped_at
-    if not LINE_TIME <= since <= settings.drift_window:
+    number = _largest_step(path, settings.drift_window)
+    stepped_at, by = path.points[_point(path, number), 0], path.points[_point(path, number), 2]
+    since = path.then - stepped_at
+    if abs(by) < least or since < LINE_TIME:
         return 0.0
-    # Its level is that of the middle of the moment that is averaged.
-    before = _level(path, path.stepped_at - MEAN)
+    # The level now is that of the middle of the moment that is averaged.
+    since -= 0.5 * MEAN
+    before = _level(path, stepped_at - MEAN)
     apart = _level(path, path.then - MEAN) - before
-    expected = -path.stepped_by * (since - 0.5 * MEAN)
-    if abs(apart) < limit or abs(apart - expected) > LINE_DOUBT * abs(expected):
+    rate = apart / since
+    if abs(apart) < limit or abs(rate + by) > LINE_DOUBT * abs(by):
         return 0.0
-    if not _is_straight(path, before, apart / (since - 0.5 * MEAN)):
+    step = _came_at_once(path, number)
+    if abs(step) < least or step * by < AT_ONCE * by * by:
         return 0.0
-    step = _came_at_once(path)
-    if abs(step) < least or step * path.stepped_by < AT_ONCE * path.stepped_by**2:
+    if not _is_straight(path, number, before, rate):
         return 0.0
-    _tell(drift, False, Kind.OFFSET, -apart / (since - 0.5 * MEAN))
+    _tell(drift, False, Kind.OFFSET, -rate)
     return apart
 
 
