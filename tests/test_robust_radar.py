@@ -373,6 +373,21 @@ def test_a_step_of_the_relative_velocity_that_goes_back_tells_nothing(car: Car) 
     assert "relative_velocity" not in car.faults_since(start)
 
 
+@pytest.mark.parametrize("rate", [0.3, 0.5, 0.7])
+def test_a_lead_that_brakes_while_the_ids_change_in_every_scan_makes_no_step(
+    car: Car, rate: float
+) -> None:
+    """The time between two ids counts as none: nothing tells how fast its speed changed in it."""
+    start = car.number
+    for k in range(60):
+        car.track_id = 1 + (k // SCAN) % 2
+        car.lead_acceleration = -6.0 if 30 <= k < 45 else 0.0
+        car.step()
+    for k in range(200):
+        car.step(clearance=rate * 0.01 * k)
+    assert "relative_velocity" not in car.faults_since(start)
+
+
 def test_a_small_step_is_not_told_where_drifts_are_not_looked_for() -> None:
     car = Car(check_drift=False)
     car.drive(8.0)

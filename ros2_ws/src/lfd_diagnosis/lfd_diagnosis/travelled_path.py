@@ -78,20 +78,19 @@ LEARNT_OF_IT = 0.92
 SIGMA = 5.0
 """Learnt standard deviations of the drift that make its limit."""
 
+STEPPED, STEP_DRIFTS = 0.5, 4.0
+"""Share of the limit of other drifts, and learnt standard deviations of the drift, from which on
+one counts that began as the relative velocity stepped by just as much."""
 
-STEPPED, STEP_SIGMA, STEP_LEAST, STEP_RESOLUTIONS = 0.5, 6.0, 0.25, 2.0
-"""Share of the limit from which on a drift counts that began as the relative velocity stepped by
-just as much, and deviations of its noise, m/s, and steps of its resolution of which that is one."""
+STEP_LEAST, STEP_SIGMA, STEP_RESOLUTIONS = 0.25, 6.0, 2.0
+"""m/s, deviations of its noise, and steps of its resolution of which that is a step."""
 
-BESIDE_STEP, AT_ONCE = 5, 0.6
-"""Scans on either side of a step that tell whether it came at once, and share of it that does."""
+BESIDE_STEP = 5
+"""Scans on either side of it that tell whether it came at once."""
 
 LINE_TIME, LINE_DOUBT, STRAIGHT = 0.6, 0.3, 0.12
 """Seconds after which such a drift is looked at, share of it by which it may differ, and ratio of
 squared errors below which it is a line rather than none."""
-
-STEP_DRIFTS = 4.0
-"""Learnt standard deviations of the drift that it must exceed."""
 
 POINTS = 4096
 """Scans of a path that are kept at most."""
@@ -443,8 +442,12 @@ def _came_at_once(path, number):
     for k in range(2 * n):
         i = _point(path, number - n + k)
         said[k], times[k] = path.points[i, 3], path.points[i, 0]
-    before = (said[n - 1] - said[0]) / (times[n - 1] - times[0])
-    after = (said[2 * n - 1] - said[n]) / (times[2 * n - 1] - times[n])
+    passed_before, passed_after = times[n - 1] - times[0], times[2 * n - 1] - times[n]
+    if min(passed_before, passed_after) <= 0.0:
+        # In what was left out of the path the lead may have accelerated as it liked.
+        return 0.0
+    before = (said[n - 1] - said[0]) / passed_before
+    after = (said[2 * n - 1] - said[n]) / passed_after
     change = np.median(said[n:]) - np.median(said[:n])
     # In doubt the lead accelerates.
     gap = times[n + n // 2] - times[n // 2]
@@ -487,7 +490,7 @@ def explain_step(path, settings, limit, least, drift):
     if abs(apart) < limit or abs(rate + by) > LINE_DOUBT * abs(by):
         return 0.0
     step = _came_at_once(path, number)
-    if abs(step) < least or step * by < AT_ONCE * by * by:
+    if abs(step) < least or step * by < STEP_SHARE * by * by:
         return 0.0
     if not _is_straight(path, number, before, rate):
         return 0.0
