@@ -1,6 +1,6 @@
 """The robust profile without ROS: the host's speed, and what tells where there is none."""
 
-from math import exp, pi, sin
+from math import exp, isnan, pi, sin
 from random import Random
 
 import numpy as np
@@ -83,7 +83,9 @@ def test_a_seldom_speed_is_not_rough_because_the_car_brakes_hard(
 def test_a_faulty_host_speed_is_named_and_not_used(car: Car) -> None:
     start = car.number
     report = car.drive(1.0, host_speed=5.0).report
-    assert report.host_speed.state == State.FAULT and "jump" in report.host_speed.reason
+    said = report.host_speed
+    assert said.state == State.FAULT and said.kind == Kind.OFFSET and "jump" in said.reason
+    assert 0.0 < said.size_std < 0.2 and abs(said.size - 5.0) < 3.0 * said.size_std
     assert "host speed is not used" in report.acceleration.reason
     assert car.faults_since(start) == {"host_speed"}
     start = car.number
@@ -163,6 +165,7 @@ def test_a_host_speed_that_fell_to_zero_is_faulty_until_it_moves_again(car: Car)
     outcome = car.drive(9.0, host_speed_is=0.0)
     assert outcome.report.host_speed.state == State.FAULT
     assert outcome.report.host_speed.kind == Kind.ZERO
+    assert isnan(outcome.report.host_speed.size), "as of any signal that is zero"
     assert car.drive(1.5).report.host_speed.state == State.OK
     assert car.faults_since(0) == {"host_speed"}
 

@@ -19,6 +19,7 @@ from lfd_diagnosis.lead_report import (
     restart_lead,
     tells_unseen,
 )
+from lfd_diagnosis.noise import deviation
 from lfd_diagnosis.radar_monitor import coast_radar, follow_radar
 from lfd_diagnosis.radar_signal import deviation_about, ends_for_all_to_see, index_of, size_of
 from lfd_diagnosis.radar_state import (
@@ -316,16 +317,19 @@ def _judge_acceleration(state, settings, horizon, outcome):
 @inner
 def _judge_host_speed(state, settings, horizon, outcome):
     speed, evidence = state.acceleration.speed, outcome.evidence
-    verdict, kind, size = State.NOT_READY, Kind.UNKNOWN.value, np.nan
+    verdict, kind = State.NOT_READY, Kind.UNKNOWN.value
+    size = size_std = np.nan
     if settings.use_host_speed:
         if horizon.host_speed_stale:
             verdict, kind = State.NO_DATA, _silent_kind(state.heard.host_speed)
         elif speed.faulty:
-            verdict, kind, size = State.FAULT, speed.kind, speed.size
+            verdict, kind = State.FAULT, speed.kind
+            if is_gauged(kind):
+                size, size_std = speed.size, deviation(speed.noise)
         elif is_usable(speed, settings):
             verdict = State.OK if isnan(speed.doubt) else State.SUSPECT
     bad = 0 if isnan(speed.doubt) else 1
-    _say(outcome.host_speed, verdict, kind, np.nan, bad, BAD_SPEEDS, size, np.nan)
+    _say(outcome.host_speed, verdict, kind, np.nan, bad, BAD_SPEEDS, size, size_std)
     evidence.speed_because = speed.because
     evidence.speed_faulty = speed.faulty and settings.use_host_speed
     evidence.speed_doubt, evidence.speed_outliers = speed.doubt, speed.outliers
