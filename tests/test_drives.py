@@ -231,6 +231,17 @@ def test_a_looped_recording_is_two_stretches_of_time() -> None:
     ]
 
 
+def test_what_the_lead_says_in_one_loop_alone_scrambles_no_recording() -> None:
+    streams = {
+        RADAR: [RadarSample(i * 50_000_000, True, 30.0, 0.0) for i in range(100)] * 2,
+        ACCELERATION: [ScalarSample(ACCELERATION, i * 10_000_000, 0.0) for i in range(500)] * 2,
+    }
+    word = [ScalarSample(LEAD_ACCELERATION, i * 100_000_000, 0.0) for i in range(50)]
+    twice = make_drive("twice", streams)
+    drive = make_drive("said once", {**streams, LEAD_ACCELERATION: word})
+    assert [s for s in drive.samples if s.input != LEAD_ACCELERATION] == list(twice.samples)
+
+
 def test_one_wrong_stamp_moves_nothing_else() -> None:
     streams = {
         RADAR: [RadarSample(i * 50_000_000, True, 30.0, 0.0) for i in range(40)],

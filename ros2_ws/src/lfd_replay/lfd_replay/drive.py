@@ -75,7 +75,7 @@ def make_drive(name: str, streams: dict[str, list[Sample]]) -> Drive:
 
 
 def _merge(streams: dict[str, list[Sample]]) -> list[Sample]:
-    """All samples by stamp, within each stretch of time between jumps back of all inputs."""
+    """All samples by stamp, within each stretch of time (`_epochs`)."""
     stamps = {name: stamps_of(own) for name, own in streams.items()}
     if all((np.diff(own) >= 0).all() for own in stamps.values()):
         # As nearly every drive is: nothing to be sorted out before it is sorted.
@@ -128,7 +128,8 @@ def playing_times(samples: Sequence[Sample]) -> list[int]:
 def _epochs(streams: dict[str, list[Sample]]) -> dict[str, list[int]]:
     """For each sample how often time has started again before it.
 
-    Time starts again where every input steps back by over a second, as a looped recording does.
+    Time starts again where radar and acceleration step back by over a second, as in a looped
+    recording; any other input has its part in as many of the loops as it steps back in itself.
     """
     steps_back = {
         name: [
@@ -140,7 +141,7 @@ def _epochs(streams: dict[str, list[Sample]]) -> dict[str, list[int]]:
         for name, stream in streams.items()
         if stream
     }
-    loops = min(len(steps) for steps in steps_back.values())
+    loops = min(len(steps_back[name]) for name in (RADAR, ACCELERATION))
     epochs = {}
     for name, stream in streams.items():
         boundaries = set(steps_back.get(name, [])[:loops])
