@@ -103,6 +103,14 @@ def test_delay_gives_the_value_of_an_earlier_sample_with_the_present_stamp() -> 
     assert values("delay:acceleration=0.5@1-3", [0, 0.5, 1, 1.4, 2]) == [0, 0.5, 0.5, 0.5, 1.4]
 
 
+def test_a_delay_takes_nothing_from_before_time_went_back() -> None:
+    times = [0.5 * k for k in range(10)]
+    said = iter([10.0 * (k // 10) + times[k % 10] for k in range(20)])
+    loops = values("delay:acceleration=0.5@1-3", times + times, lambda t: next(said))
+    assert loops[:10] == [0, 0.5, 0.5, 1, 1.5, 2, 3, 3.5, 4, 4.5]
+    assert loops[10:] == [10 + value for value in loops[:10]]
+
+
 def test_a_delay_beyond_all_stamps_is_refused() -> None:
     """No whole number of ns is made of the greatest of them; live it ended the injector."""
     assert values(f"delay:acceleration={LATEST - 1}@1-3", [0, 1, 2]) == [0, 0, 0]

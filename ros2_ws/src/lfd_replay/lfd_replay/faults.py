@@ -13,6 +13,7 @@ from math import isfinite, nan
 
 import numpy as np
 
+from lfd_mpc.arrival import AHEAD_NS
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
 from lfd_replay.drive import LATEST, stamps_of, streams_of
@@ -191,6 +192,10 @@ class _Effect:
 
     def __call__(self, stamp: int, value: float) -> float:
         if self._kind == "delay":
+            if self._stamps and stamp < self._stamps[-1] - AHEAD_NS:
+                # Time starts again.
+                self._stamps.clear()
+                self._history.clear()
             self._stamps.append(stamp)
             self._history.append(value)
         if not self._start <= stamp < self._end:
