@@ -176,6 +176,8 @@ def test_lockstep_notices_a_sample_that_was_not_used() -> None:
     step, horizon = steps[30]
     assert "clearance value" in horizon_difference(step, replace(horizon, measured_clearance=1.0))
     assert "answered for" in horizon_difference(step, replace(horizon, stamp=0))
+    said = replace(horizon, measured_lead_acceleration=-7.0)
+    assert "lead_acceleration value" in horizon_difference(step, said)
 
 
 def test_lockstep_without_an_answer_is_an_error_that_says_what_is_owed(monkeypatch) -> None:

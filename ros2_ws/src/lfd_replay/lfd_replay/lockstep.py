@@ -20,7 +20,7 @@ from lfd_mpc.horizon import Horizon
 from lfd_mpc.messages import from_message, from_time
 from lfd_mpc.mpc_node import RECEIPTS_QOS, RECEIPTS_TOPIC
 from lfd_mpc.node_support import PIPELINE_QOS
-from lfd_mpc.samples import Sample
+from lfd_mpc.samples import LEAD_ACCELERATION, Sample
 from lfd_mpc.sampling import Sampler
 from lfd_mpc.step_inputs import Reading, StepInputs
 from lfd_msgs.msg import FaultReport, ObserverBank, PredictionHorizon, ReconstructedState
@@ -198,7 +198,7 @@ def horizon_difference(expected: StepInputs, horizon: Horizon) -> str:
     """What the controller used other than the samples that it was sent; empty = nothing."""
     if horizon.stamp != expected.stamp:
         return f"the controller answered for {horizon.stamp * 1e-9:.2f} s"
-    for name in MEASURED:
+    for name in (*MEASURED, LEAD_ACCELERATION):
         reading: Reading = getattr(expected, name)
         got = getattr(horizon, f"measured_{name}"), getattr(horizon, f"{name}_age")
         for what, want, have in zip(
