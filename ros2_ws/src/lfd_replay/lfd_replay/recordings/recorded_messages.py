@@ -96,7 +96,6 @@ class MessageConverter:
         self.counts: Counter[str] = self._can.counts
         self._selector = LeadSelector()
         self._assembler = ScanAssembler(self.counts)
-        self._numbers: dict[bytes, int] = {}
         self._converters: dict[str, Callable[[Any, int], Iterable[Sample]]] = {
             "lfd_msgs/msg/RadarTarget": self._radar_target,
             ESR_TRACK: self._esr_track,
@@ -164,10 +163,9 @@ class MessageConverter:
         return (self._selector.select(stamp, tracks, host.speed, host.yaw_rate),)
 
     def _track(self, track: Any) -> Track:
-        identity = bytes(track.uuid.uuid)
         known = {STATIC: False, DYNAMIC: True}
         return Track(
-            number=self._numbers.setdefault(identity, len(self._numbers) + 1),
+            number=int.from_bytes(bytes(track.uuid.uuid), "big"),
             clearance=float(track.position.x),
             lateral=float(track.position.y),
             relative_velocity=float(track.velocity.x),
