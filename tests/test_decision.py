@@ -133,6 +133,13 @@ def test_a_lead_that_is_not_seen_stops_the_car(lost: dict) -> None:
     assert drive.on(0.02).action == ACTION.FOLLOW
 
 
+def test_no_decision_lasts_since_a_time_to_come() -> None:
+    drive = Drive()
+    drive.on(1.0)
+    drive.number = 0
+    assert drive.on(0.01).since <= STEP
+
+
 @pytest.mark.parametrize(("silent_for", "since"), [(0.48, 0.0), (0.52, 0.0), (0.3, 0.1)])
 def test_a_moments_silence_beside_a_fault_that_is_made_up_for_stops_nothing_for_good(
     silent_for: float, since: float

@@ -288,7 +288,11 @@ def test_a_fault_soon_after_the_start_is_seen_and_hides_no_other(offset) -> None
 
 
 def test_silence_says_no_data_for_all(car: Car) -> None:
+    spoke = car.outcomes[-1].report
     report, events = car.diagnosis.silence(10**10)
+    for name in ("clearance", "relative_velocity", "radar", "acceleration", "host_speed"):
+        threshold = getattr(spoke, name).confidence_threshold
+        assert getattr(report, name).confidence_threshold == threshold, name
     assert {report.radar.state, report.acceleration.state, report.host_speed.state} == {
         State.NO_DATA
     }

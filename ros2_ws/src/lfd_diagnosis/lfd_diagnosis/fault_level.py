@@ -95,6 +95,7 @@ class DecisionMaker:
         if self._stamp is None:
             self._stamp = self._since = stamp
         gone_on, self._stamp = stamp - self._stamp, stamp
+        self._since = min(self._since, stamp)
         if 0 < gone_on <= AHEAD_NS:
             self._passed += gone_on
 

@@ -24,7 +24,8 @@ def _enter(book, outcome, verdict, number):
     stamp = outcome.stamp
     old_state, old_since = State.NOT_READY.value, stamp
     if book.begun:
-        old_state, old_since = book.state[number], book.since[number]
+        # Where time went back nothing has lasted for longer.
+        old_state, old_since = book.state[number], min(book.since[number], stamp)
     same = book.begun and verdict.state == old_state
     verdict.since = old_since if same else stamp
     outcome.old_state[number], outcome.old_since[number] = old_state, old_since

@@ -45,8 +45,8 @@ UNNOTICED, BRIDGED = 30, 600
 """Horizons that may be lost on the way as if nothing was, and steps that may be missing before
 everything starts anew: up to then it is the same car on the same road, and nothing is heard."""
 
-BAD_SPEEDS = 2
-"""Samples in a row after which a host speed that jumped is faulty."""
+BAD_SPEEDS, BAD_REPORTS = 2, 1
+"""Samples in a row after which a host speed that jumped, and what the lead says, is faulty."""
 
 VALID_CLEARANCE_STD, VALID_VELOCITY_STD = 2.0, 1.5
 """Standard deviations in m and m/s up to which a coasted signal is offered."""
@@ -347,7 +347,7 @@ def _judge_lead(state, settings, horizon, outcome):
             verdict, size = State.FAULT, lead.off
         elif is_trusted(lead, settings):
             verdict = State.OK
-    _say(outcome.lead_acceleration, verdict, kind, np.nan, 0, 1, size, np.nan)
+    _say(outcome.lead_acceleration, verdict, kind, np.nan, 0, BAD_REPORTS, size, np.nan)
     evidence.lead_because = lead.because
     evidence.lead_faulty = lead.faulty and settings.use_lead_report
     evidence.lead_off, evidence.lead_limit = lead.off, lead_limit(settings)
@@ -383,9 +383,9 @@ def _reconstruct(state, settings, seen, relative, outcome):
 
 
 @inner
-def _say_silent(verdict, heard):
+def _say_silent(verdict, heard, threshold):
     """Nothing is said any more."""
-    _say(verdict, State.NO_DATA, _silent_kind(heard), np.nan, 0, 1, np.nan, np.nan)
+    _say(verdict, State.NO_DATA, _silent_kind(heard), np.nan, 0, threshold, np.nan, np.nan)
 
 
 @inner
@@ -394,11 +394,14 @@ def robust_silence(state, settings, stamp, outcome):
     heard = state.heard
     outcome.stamp, outcome.step, outcome.starts_anew = stamp, 0, False
     outcome.evidence.silent = True
-    _say_silent(outcome.clearance, heard.clearance)
-    _say_silent(outcome.relative_velocity, heard.relative_velocity)
-    _say_silent(outcome.acceleration, heard.acceleration)
-    _say_silent(outcome.host_speed, heard.host_speed and settings.use_host_speed)
-    _say_silent(outcome.lead_acceleration, heard.lead_acceleration and settings.use_lead_report)
+    scans = settings.scan_confidence_threshold
+    _say_silent(outcome.clearance, heard.clearance, scans)
+    _say_silent(outcome.relative_velocity, heard.relative_velocity, scans)
+    _say_silent(outcome.acceleration, heard.acceleration, settings.acceleration_steps)
+    speed = heard.host_speed and settings.use_host_speed
+    _say_silent(outcome.host_speed, speed, BAD_SPEEDS)
+    lead = heard.lead_acceleration and settings.use_lead_report
+    _say_silent(outcome.lead_acceleration, lead, BAD_REPORTS)
     enter_outcome(state.book, outcome)
 
 
