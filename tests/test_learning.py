@@ -2,6 +2,7 @@
 
 from random import Random
 
+import numpy as np
 import pytest
 
 from lfd_diagnosis.lead_track import (
@@ -26,7 +27,10 @@ from lfd_diagnosis.roughness import (
     start_roughness,
     take_roughness,
 )
+from lfd_diagnosis.settings import DiagnosisSettings
+from lfd_diagnosis.travelled_path import TRAVELLED_PATH, follow_path, skip_path, start_path
 from lfd_mpc.compiled import make_state
+from lfd_mpc.settings import settings_record
 
 
 def test_a_vague_prediction_tells_nothing_of_the_noise() -> None:
@@ -51,6 +55,36 @@ def test_noise_is_learnt_from_a_first_value_within_limits() -> None:
     assert deviation(noise) == pytest.approx(0.03)
     learn_noise(fixed, 9.0, 0.0)
     assert deviation(fixed) == pytest.approx(0.15)
+
+
+def test_after_time_went_back_small_steps_must_prove_as_long_as_before() -> None:
+    roughness = make_state(ROUGHNESS)[0]
+    start_roughness(roughness, 16, 0.03)
+    for k in range(300):
+        take_roughness(roughness, 100.0 + 0.05 * k, float(7 * k % 3), True, 1.0)
+    for k in range(190):
+        take_roughness(roughness, 50.0 + 0.05 * k, 0.02 * k, True, 1.0)
+    assert resolution_of(roughness) == 1.0
+    for k in range(190, 500):
+        take_roughness(roughness, 50.0 + 0.05 * k, 0.02 * k, True, 1.0)
+    assert resolution_of(roughness) == pytest.approx(0.02)
+
+
+def test_what_no_scan_follows_is_left_out_of_the_path_once() -> None:
+    """As where the ids change while the clearance is not believed."""
+    path, settings = make_state(TRAVELLED_PATH)[0], settings_record(DiagnosisSettings())[0]
+    start_path(path, True)
+    for k in range(20):
+        follow_path(path, settings, 0.05 * k, 30.0, 0.0, 0.0)
+    for k in range(20, 25):
+        skip_path(path, 0.05 * k, 30.0, 0.0)
+    follow_path(path, settings, 1.25, 30.0, 0.0, 0.0)
+    assert path["skipped_time"] == pytest.approx(0.25)
+    times = path["points"][: path["count"], 0]
+    assert (np.diff(times) >= 0.0).all() and times[-1] == 1.25
+    # Longer than that nothing is known of the path.
+    skip_path(path, 2.0, 30.0, 0.0)
+    assert path["count"] == 0
 
 
 def test_roughness_is_blind_to_smooth_motion_and_to_one_outlier() -> None:

@@ -1,6 +1,6 @@
 """The robust profile without ROS: other cars, other ids, a lead that is not seen for a moment."""
 
-from math import nan
+from math import cos, nan
 
 import numpy as np
 import pytest
@@ -17,6 +17,36 @@ def test_a_new_id_of_the_same_car_restarts_nothing(car: Car) -> None:
         car.drive(0.3)
     states = {outcome.report.clearance.state for outcome in car.outcomes[start:]}
     assert states <= {State.OK, State.SUSPECT} and not car.faults_since(start)
+
+
+@pytest.mark.parametrize("first", [12.0, 6.9, -12.0])
+def test_a_clearance_is_not_right_because_a_targets_first_scan_was_off(
+    car: Car, first: float
+) -> None:
+    """An offset as large as that scan was off is no way back to the target before."""
+    car.track_id, car.clearance = 2, 60.0
+    car.drive(0.01 * SCAN, clearance=first)
+    car.drive(2.0)
+    start = car.number
+    car.drive(2.0, clearance=first)
+    assert car.delay("clearance", start) <= 0.13
+    assert car.outcomes[-1].report.clearance.state == State.FAULT
+    start = car.number
+    assert car.drive(1.0).report.clearance.state == State.OK
+    assert not car.faults_since(start)
+
+
+def test_a_scan_that_is_said_again_under_another_id_is_of_the_same_car(car: Car) -> None:
+    """The lead swings to and fro; which of two ids it has changes with every message."""
+    car.scan, start = 2, car.number
+    for k in range(500):
+        car.lead_acceleration = 1.5 * cos(0.02 * k)
+        car.track_id = 1 + k % 2
+        car.drive(0.02)
+        clearance, velocity = car.seen
+        car.track_id = 2 - k % 2
+        car.drive(0.02, clearance_is=clearance, relative_velocity_is=velocity)
+    assert not car.faults_since(start)
 
 
 def test_a_new_car_is_judged_from_its_third_scan_on(car: Car) -> None:

@@ -240,7 +240,7 @@ def _scan(radar, settings, track_id):
     if not radar.has_track:
         if whole:
             begin_target(radar, settings, track_id)
-            radar.begun_at = clearance.at
+            radar.begun_at, radar.begun_beside = clearance.at, np.nan
             # While nothing was seen nothing has agreed.
             for signal in (radar.clearance, radar.velocity):
                 signal.lost_since = signal.carried_since = clearance.at

@@ -232,6 +232,7 @@ def restart_radar(radar, settings):
     start_target(radar, settings)
     forgive(radar.clearance)
     forgive(radar.velocity)
+    radar.clearance.ended_size = radar.velocity.ended_size = np.nan
 
 
 @inner

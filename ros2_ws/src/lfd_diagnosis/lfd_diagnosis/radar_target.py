@@ -110,7 +110,6 @@ def _beside_former(radar, settings):
 @inner
 def begin_target(radar, settings, track_id):
     """A target that nothing is known of, but for an offset that goes on with it."""
-    radar.begun_beside = _beside_former(radar, settings)
     clearance, velocity = radar.measured_clearance, radar.measured_velocity
     mean = settings.lead_acceleration_mean
     off_clearance = off_velocity = 0.0
@@ -208,6 +207,13 @@ def _has_another_id(radar, track_id):
 
 
 @inner
+def _says_as_before(radar):
+    """Whether a scan is the last one once more: under another id it is no other car's."""
+    same_clearance = radar.measured_clearance.value == radar.clearance.last
+    return same_clearance and radar.measured_velocity.value == radar.velocity.last
+
+
+@inner
 def sort_out_target(radar, settings, track_id):
     """Sort out a new track id, or a silence; whether a new target was begun."""
     at = radar.measured_clearance.at
@@ -215,7 +221,7 @@ def sort_out_target(radar, settings, track_id):
     has_missed = gap > GAP_SCANS * radar.period
     _follow_period(radar, gap)
     silent = gap > LOST_AFTER or (has_missed and _is_elsewhere(radar, settings))
-    changed = _has_another_id(radar, track_id)
+    changed = _has_another_id(radar, track_id) and not _says_as_before(radar)
     goes_on = not (changed or silent)
     if goes_on and at - radar.clearance.last_at > REGAINED:
         _regain(radar, settings)
@@ -261,9 +267,10 @@ def is_another_in_part(radar, settings, track_id):
 @inner
 def begin_another(radar, settings, track_id):
     """The radar sees another target from this scan on."""
-    change_target(radar, radar.measured_clearance.at)
+    at, beside = radar.measured_clearance.at, _beside_former(radar, settings)
+    change_target(radar, at)
     begin_target(radar, settings, track_id)
-    radar.begun_at = radar.measured_clearance.at
+    radar.begun_at, radar.begun_beside = at, beside
 
 
 @inner
@@ -292,6 +299,7 @@ def _recall(radar, settings, track_id, at):
         if slot.id != track_id or at - slot.at >= MEMORY:
             continue
         since = at - slot.at
+        radar.before, radar.before_at = radar.track, -np.inf
         radar.track = slot.track
         if since > 0.0:
             mean, jerk = settings.lead_acceleration_mean, settings.jerk_density
@@ -302,6 +310,7 @@ def _recall(radar, settings, track_id, at):
         given_away = (missed or far) and _is_elsewhere(radar, settings)
         vague = slot.scans < KNOWN_SCANS and not _agrees(radar, settings)
         if given_away or vague:
+            radar.track = radar.before
             return False
         radar.scans, radar.elsewhere = slot.scans, 0.0
         begin_to_hold(radar)

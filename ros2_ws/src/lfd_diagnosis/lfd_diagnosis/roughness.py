@@ -158,6 +158,10 @@ def _learn_step(roughness, at, step, healthy):
     steps, proving = roughness.least_steps, roughness.proving
     if not isfinite(roughness.proven_at):
         roughness.proven_at = at + PROVEN
+    elif roughness.proven_at > at + PROVEN:
+        # Time went back.
+        roughness.proven_at = at
+        proving[:, :] = np.inf
     if not healthy:
         proving[:, :] = np.inf
         roughness.proven_at = max(roughness.proven_at, at)

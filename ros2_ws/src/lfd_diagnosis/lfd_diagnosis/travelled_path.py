@@ -223,11 +223,15 @@ def step_limit(path, limit):
 def skip_path(path, time, clearance, velocity):
     """The scan to come at a time in s is of another part, or another car: what lies between the two
     is no drift, and the time between them tells nothing."""
-    path.clearance = clearance - 0.5 * (velocity + path.velocity) * (time - path.then)
+    passed = time - path.then
+    if passed > LARGEST_GAP:
+        clear_path(path)
+        return
     path.skipped += 1.0
-    path.skipped_time += time - path.then
+    path.skipped_time += passed
     for i in range(path.count):
-        path.points[_point(path, i), 0] += time - path.then
+        path.points[_point(path, i), 0] += passed
+    path.then, path.clearance, path.velocity = time, clearance, velocity
 
 
 @inner
@@ -249,9 +253,21 @@ def _level(path, start):
 
 
 @inner
+def _moved_on(path, time):
+    """Where a time in s lies in the path by now, for what was left out of it since."""
+    for i in range(path.count - 1, -1, -1):
+        k = _point(path, i)
+        left_out = path.skipped_time - path.points[k, 4]
+        if path.points[k, 0] - left_out <= time:
+            return time + left_out
+    return time
+
+
+@inner
 def drift_rate(path, noise, time):
     """How fast the two surely came apart (m/s) in the second before a time in s, the clearance's
     noise having that variance in m^2; 0 where little is known."""
+    time = _moved_on(path, time)
     known = time - path.points[path.first, 0] if path.count else 0.0
     known = min(known - MEAN, RATE_TIME)
     if known < MEAN or path.then < time - MEAN:
