@@ -5,8 +5,9 @@ import pytest
 import quadprog
 
 from lfd_mpc.box_qp import BoxQp, available_solvers
-from lfd_mpc.controller import Controller
+from lfd_mpc.horizon import Horizon, Mpc
 from lfd_mpc.prediction_model import build_prediction_model
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RadarSample, ScalarSample
 from lfd_mpc.settings import STEP_S, MpcSettings
 
 N = 20
@@ -125,33 +126,57 @@ def test_an_unknown_solver_is_refused_with_what_is_there(model) -> None:
         make_qp(model, "magic")
 
 
+def planned(
+    clearance: float,
+    relative_velocity: float,
+    acceleration: float,
+    host_speed: float | None,
+    **settings,
+) -> Horizon:
+    """The step at which all of that is measured."""
+    mpc = Mpc(MpcSettings(**settings))
+    mpc.push(RadarSample(0, True, clearance, relative_velocity))
+    if host_speed is not None:
+        mpc.push(ScalarSample(HOST_SPEED, 0, host_speed))
+    (horizon,) = mpc.push(ScalarSample(ACCELERATION, 0, acceleration))
+    return horizon
+
+
 def test_without_host_speed_only_the_relative_velocity_is_regulated() -> None:
-    controller = Controller(MpcSettings())
-    free = controller.solve(40.0, 0.0, 0.0, None)
+    free = planned(40.0, 0.0, 0.0, None)
     assert free.desired_clearance == 40.0
     assert abs(free.command) < 1e-9
-    assert controller.solve(40.0, 0.0, 0.0, 10.0).desired_clearance == 10.0 * 1.5 + 5.0
+    assert planned(40.0, 0.0, 0.0, 10.0).desired_clearance == 10.0 * 1.5 + 5.0
 
 
 def test_a_gap_that_is_too_small_brakes_and_one_too_large_accelerates() -> None:
-    controller = Controller(MpcSettings())
-    assert controller.solve(10.0, -2.0, 0.0, 15.0).command < 0.0
-    assert controller.solve(80.0, 2.0, 0.0, 15.0).command > 0.0
+    assert planned(10.0, -2.0, 0.0, 15.0).command < 0.0
+    assert planned(80.0, 2.0, 0.0, 15.0).command > 0.0
 
 
 def test_the_prediction_of_clearance_starts_from_the_clearance() -> None:
-    solution = Controller(MpcSettings()).solve(40.0, -1.0, 0.3, 12.0)
-    assert solution.states[0, 0] == pytest.approx(40.0 - 1.0 * STEP_S)
-    assert solution.states[0, 1] == pytest.approx(-1.0 - 0.3 * STEP_S)
+    made = planned(40.0, -1.0, 0.3, 12.0)
+    assert made.predicted_clearance[0] == pytest.approx(40.0 - 1.0 * STEP_S)
+    assert made.predicted_relative_velocity[0] == pytest.approx(-1.0 - 0.3 * STEP_S)
+
+
+def test_what_is_published_is_the_prediction_that_the_cost_is_made_of(model) -> None:
+    made = planned(40.0, -1.0, 0.3, 12.0)
+    error = np.array([40.0 - made.desired_clearance, -1.0])
+    off = model.predict(error, made.input_sequence, 0.3)
+    np.testing.assert_allclose(
+        made.predicted_clearance, off[:, 0] + made.desired_clearance, atol=1e-12
+    )
+    np.testing.assert_allclose(made.predicted_relative_velocity, off[:, 1], atol=1e-12)
 
 
 def test_the_linear_prediction_keeps_the_relative_velocity_and_the_command_stays() -> None:
     state = (40.0, -1.0, 0.3, 12.0)
-    linear = Controller(MpcSettings(prediction="linear")).solve(*state)
+    linear = planned(*state, prediction="linear")
     lead = STEP_S * np.arange(1, N + 1)
-    np.testing.assert_allclose(linear.states[:, 0], 40.0 - lead, atol=1e-12)
-    np.testing.assert_allclose(linear.states[:, 1], -1.0, atol=1e-12)
-    assert linear.command == Controller(MpcSettings()).solve(*state).command
+    np.testing.assert_allclose(linear.predicted_clearance, 40.0 - lead, atol=1e-12)
+    np.testing.assert_allclose(linear.predicted_relative_velocity, -1.0, atol=1e-12)
+    assert linear.command == planned(*state).command
 
 
 def test_where_no_limit_is_active_the_solver_is_not_needed(model) -> None:

@@ -9,10 +9,12 @@ from lfd_observer.bank import ObserverBank
 from lfd_observer.prediction_store import PredictionStore
 from lfd_observer.settings import BankSettings
 from lfd_observer.sliding_mode_observer import (
+    OBSERVER,
     A,
     C,
-    SlidingModeObservers,
     design,
+    observe,
+    observers_common,
     reachability_margin,
 )
 
@@ -83,38 +85,47 @@ def test_the_reachability_margin_is_what_the_gain_has_left() -> None:
     assert reachability_margin(10.0, 9.0, 5.0) < 0.0
 
 
+class Observer:
+    """One observer by itself, with a filter of 0.1 s."""
+
+    def __init__(self, gain: float, boundary_layer: float = 0.0) -> None:
+        self.common = observers_common(gain, 0.1, boundary_layer, 0.0)[0]
+        self.state = np.zeros(1, OBSERVER)[0]
+
+    def feed(self, clearance: float, relative_velocity: float) -> float:
+        """The relative acceleration in m/s^2."""
+        return observe(self.common, self.state, clearance, relative_velocity)
+
+
 @pytest.mark.parametrize("acceleration", [-6.0, -1.0, 0.0, 2.5, 6.0])
 def test_the_equivalent_injection_becomes_the_relative_acceleration(acceleration: float) -> None:
-    observers = SlidingModeObservers(1, 10.0, 0.1, 0.0)
+    observer = Observer(10.0)
     reconstructed = []
     for k in range(400):
         t = k * 0.01
-        measured = np.array([[30.0 + 0.5 * acceleration * t**2, acceleration * t]])
-        reconstructed.append(observers.step(measured)[0][0])
+        reconstructed.append(observer.feed(30.0 + 0.5 * acceleration * t**2, acceleration * t))
     assert np.mean(reconstructed[200:]) == pytest.approx(acceleration, abs=0.15)
     assert np.abs(np.array(reconstructed[200:]) - acceleration).max() < 1.2
 
 
 def test_a_gain_below_the_acceleration_cannot_follow_it() -> None:
-    observers = SlidingModeObservers(1, 2.0, 0.1, 0.0)
+    observer = Observer(2.0)
     for k in range(400):
         t = k * 0.01
-        reconstructed, error = observers.step(np.array([[30.0 + 2.5 * t**2, 5.0 * t]]))
-    assert reconstructed[0] < 2.1 and abs(error[0]) > 1.0
+        reconstructed = observer.feed(30.0 + 2.5 * t**2, 5.0 * t)
+    assert reconstructed < 2.1 and abs(observer.state["output_error"]) > 1.0
 
 
 def test_observers_start_at_their_first_measurement_with_nothing_reconstructed() -> None:
-    observers = SlidingModeObservers(2, 10.0, 0.1, 0.0)
-    reconstructed, error = observers.step(np.array([[30.0, -2.0], [np.nan, np.nan]]))
-    assert reconstructed[0] == 0.0 and error[0] == 0.0
-    assert np.isnan(reconstructed[1]) and np.isnan(error[1])
+    fed, unfed = Observer(10.0), Observer(10.0)
+    assert fed.feed(30.0, -2.0) == 0.0 and fed.state["output_error"] == 0.0
+    assert np.isnan(unfed.feed(np.nan, np.nan)) and np.isnan(unfed.state["output_error"])
 
 
 def test_a_boundary_layer_makes_the_injection_smooth() -> None:
-    rough, smooth = (SlidingModeObservers(1, 10.0, 0.1, layer) for layer in (0.0, 0.5))
     ripples = []
-    for observers in (rough, smooth):
-        values = [observers.step(np.array([[30.0, 0.02 * k]]))[0][0] for k in range(300)]
+    for observer in (Observer(10.0), Observer(10.0, boundary_layer=0.5)):
+        values = [observer.feed(30.0, 0.02 * k) for k in range(300)]
         ripples.append(np.std(values[200:]))
     assert ripples[1] < 0.2 * ripples[0]
 
@@ -128,10 +139,8 @@ def test_the_store_gives_for_each_lead_time_what_was_said_about_now() -> None:
                 np.testing.assert_array_equal(row, solutions[k - i, i - 1])
             else:
                 assert np.isnan(row).all()
-        assert store.full is (k >= N)
+        assert store.count == min(k, N)
         store.push(solution)
-    store.clear()
-    assert store.count == 0 and np.isnan(store.for_now()).all()
     with pytest.raises(ValueError, match="20 steps"):
         store.push(np.zeros((3, 2)))
 

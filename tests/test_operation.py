@@ -21,6 +21,7 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 from test_live_equals_offline import drive
+from test_mpc import planned
 from test_player import call, pump_until
 from visualization_msgs.msg import MarkerArray
 
@@ -32,7 +33,6 @@ from lfd_diagnosis.markers import COLOURS, colour_of, markers
 from lfd_diagnosis.sensor_health import HARDWARE, LEVELS, SensorHealth
 from lfd_diagnosis.settings import DiagnosisSettings
 from lfd_diagnosis.verdict import VERDICTS, State
-from lfd_mpc.controller import Controller
 from lfd_mpc.health import Level, StepHealth
 from lfd_mpc.messages import to_time
 from lfd_mpc.mpc_node import MpcNode
@@ -295,9 +295,9 @@ def test_weights_and_gains_change_while_running(graph: Graph) -> None:
     pump_until(graph, player, lambda: player.played > held + 0.5, "some more")
     after, bank = recorder.messages("mpc/horizon")[-1], recorder.messages("observer/bank")[-1]
     inputs = after.clearance, after.relative_velocity, after.acceleration, after.host_speed
-    weighed = Controller(MpcSettings(relative_velocity_weight=50.0)).solve(*inputs).command
+    weighed = planned(*inputs, relative_velocity_weight=50.0).command
     assert after.valid and after.command == pytest.approx(weighed, abs=1e-9)
-    assert abs(weighed - Controller(MpcSettings()).solve(*inputs).command) > 0.01
+    assert abs(weighed - planned(*inputs).command) > 0.01
     assert bank.weights[1] == pytest.approx(0.5 * bank.weights[0])
 
 

@@ -45,7 +45,7 @@ def test_the_page_holds_everything_itself_and_tells_what_happened(tmp_path: Path
     assert not re.search(r"<(script|link|img)[^>]+(src|href)=.https?:", page)
     assert "a &lt;drive&gt; &amp; more" in page and "<drive>" not in page
     assert "offset:acceleration=4@1-2" in page
-    for panel in ("clearance", "fault index", "confidence", "steps", "verdict"):
+    for panel in ("clearance", "fault index", "confidence", "count", "verdict"):
         assert f'"text":"{panel}"' in page
     assert '<td class="FAULT">FAULT</td>' in page and "observers exclude" in page
 

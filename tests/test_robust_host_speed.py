@@ -362,7 +362,10 @@ def test_what_the_lead_says_again_and_again_makes_nothing_worse(clearance: float
     faults = {"relative_velocity": -10.0, "clearance": clearance, "lead_acceleration_is": -1.0}
     car.drive(0.4, **faults)
     car.lead_acceleration = 0.0
+    valid = 0
     for _ in range(400):
         made = car.step(**faults).reconstruction
-        off = abs(made.relative_velocity - car.velocity)
-        assert not made.relative_velocity_valid or off < 2.5 * made.relative_velocity_std
+        if made.relative_velocity_valid:
+            valid += 1
+            assert abs(made.relative_velocity - car.velocity) < 2.5 * made.relative_velocity_std
+    assert valid >= 200

@@ -20,7 +20,6 @@ from lfd_mpc.samples import Sample
 from lfd_mpc.sampling import Sampler
 from lfd_mpc.settings import MpcSettings
 from lfd_observer.prediction_store import PredictionStore
-from lfd_observer.sliding_mode_observer import SlidingModeObservers
 from lfd_replay.errors import run_command
 from lfd_replay.generated.generate import generate_drive
 from lfd_replay.journal import workers
@@ -76,7 +75,6 @@ def _control(samples: Sequence[Sample]) -> None:
         sampler.push(sample)
         mpc.push(sample)
     mpc.clock(samples[-1].stamp)
-    mpc.controller.solve(30.0, 0.0, 0.0, 20.0)
     n = mpc.controller.steps
     mpc.solve_outside(np.zeros(n), np.empty(n), np.empty((n, 2)))
 
@@ -90,7 +88,6 @@ def _drawings() -> None:
     store.push(np.zeros((n, 2)))
     PredictionLimits(settings).outside(np.zeros(2), store.for_now())
     confidences(np.zeros(1), 0.5, 10)
-    SlidingModeObservers(1, 10.0, 0.1, 0.0).step(np.zeros((1, 2)))
 
 
 def main_compile(arguments: list[str]) -> int:

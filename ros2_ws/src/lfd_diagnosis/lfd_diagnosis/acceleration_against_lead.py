@@ -73,20 +73,20 @@ BACK_TO_USUAL = 2.0
 
 RELATIVE_SHARE = share_of(SMOOTH)
 
-AT_REST = 0.3
+RESTS_WITH = 0.3
 """m/s of relative velocity up to which the lead may as well rest with the car."""
 
 
 @inner
 def is_resting(relative_velocity):
     """Whether the lead may rest with the car; not where it is not known."""
-    return abs(relative_velocity) < AT_REST
+    return abs(relative_velocity) < RESTS_WITH
 
 
 @inner
 def is_nearing(relative_velocity):
     """Whether the car surely moves, whatever it says itself."""
-    return relative_velocity < -AT_REST
+    return relative_velocity < -RESTS_WITH
 
 
 @inner

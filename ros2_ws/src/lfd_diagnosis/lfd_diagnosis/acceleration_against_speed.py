@@ -60,7 +60,7 @@ GENTLE = 2.0
 WARM_UP = 3.0
 """Seconds over which the limits come down from thrice to once their width."""
 
-RESTED = 2.0
+LEAD_RESTED = 2.0
 """Seconds for which a lead must have been at rest before a car that seems to stand surely does."""
 
 STILL_KNOWN, KNOWN_AFTER_SILENCE, SLOPE_FADES = 1.0, 2.5, 0.8
@@ -224,7 +224,7 @@ def doubt_slope(monitor, worth):
 @inner
 def speed_may_be_wrong(monitor, settings):
     """Whether the speed that contradicts may be rounded or held: it tells so itself in a moment."""
-    resting = is_standing(monitor.speed) and monitor.lead_rests_for >= RESTED
+    resting = is_standing(monitor.speed) and monitor.lead_rests_for >= LEAD_RESTED
     if resting or monitor.leapt_for:
         # A car that drove off would have left its lead, or followed one that is not at rest; and
         # nothing but its own fault makes an accelerometer leap.

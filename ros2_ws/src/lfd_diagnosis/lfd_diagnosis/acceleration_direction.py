@@ -15,7 +15,7 @@ from lfd_diagnosis.ring import append, at, start_ring
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
 
-FASTEST = 3.0
+FASTEST_BACK = 3.0
 """m/s that no car reverses by."""
 
 TELLING, TELLING_SHARE = 0.3, 0.5
@@ -29,7 +29,7 @@ FITS = 0.5
 """Share of what contradicts the speed that is left of it where the car moves the other way, and of
 what the speed says that is felt at least."""
 
-CHANGED = 0.4
+TOLD_BY = 0.4
 """m/s^2 that a speed's derivative must be for its direction to be told by what is felt of it."""
 
 SETTLED = 0.1
@@ -62,7 +62,7 @@ def follow_direction(monitor):
     """Which way the car drives off after it stood."""
     speed = monitor.speed
     heard = is_believed(speed)
-    forward = heard and abs(speed.last) > FASTEST
+    forward = heard and abs(speed.last) > FASTEST_BACK
     if forward:
         _turn(monitor, False)
     if forward or isnan(monitor.filtered) or monitor.faulty:
@@ -80,7 +80,7 @@ def follow_direction(monitor):
         told = drives_off and alike and gained > max(TELLING, TELLING_SHARE * abs(speed.last))
         if told:
             _turn(monitor, monitor.gained * speed.last < 0.0)
-        if told or gained > FASTEST:
+        if told or gained > FASTEST_BACK:
             monitor.gained = np.nan
 
 
@@ -118,7 +118,7 @@ def follow_reversing(monitor):
     rest."""
     derivative = monitor.speed.derivative
     felt = (monitor.filtered - monitor.at_rest) * (1.0 if derivative > 0.0 else -1.0)
-    as_forward = abs(derivative) > CHANGED and felt > FITS * abs(derivative)
+    as_forward = abs(derivative) > TOLD_BY and felt > FITS * abs(derivative)
     fits = abs(_off_the_other_way(monitor)) <= FITS * abs(monitor.check.residual)
     if monitor.reverses and (as_forward or (fits and is_exceeded(monitor.check))):
         _turn(monitor, False)

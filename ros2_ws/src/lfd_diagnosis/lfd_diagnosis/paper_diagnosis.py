@@ -13,7 +13,13 @@ from lfd_diagnosis.verdict import Kind, State, outcome_kind
 from lfd_mpc.arrays import Array
 from lfd_mpc.compiled import entry, inner
 from lfd_mpc.settings import STEP_S
-from lfd_observer.prediction_store import STORE, follow, predicted_now, push_solution
+from lfd_observer.prediction_store import (
+    STORE,
+    clear_store,
+    follow,
+    predicted_now,
+    push_solution,
+)
 
 PAPER_EVIDENCE = np.dtype(
     [
@@ -73,7 +79,7 @@ def paper_arrays(settings: DiagnosisSettings) -> PaperArrays:
 @inner
 def start_paper(state):
     """Forget confidence and stored predictions: everything is judged anew."""
-    state.store.count = 0
+    clear_store(state.store)
     state.store.followed = False
     state.clearance_confidence = state.relative_velocity_confidence = 0
     state.acceleration_confidence = state.stored = 0

@@ -130,7 +130,7 @@ def follow_radar(
     once; the lead's, NaN unless the lead says it; the host's speed in m/s, NaN unless it is
     believed, and whether it surely moves, so that equal samples mean something.
     """
-    now = horizon.stamp * 1e-9
+    now = radar.now = horizon.stamp * 1e-9
     radar.host_speed, radar.host_moves = host_speed, host_moves
     if not horizon.has_target and not keeps_target(radar, settings, now):
         if radar.has_track:
@@ -309,7 +309,7 @@ def _try_without_last(radar, settings, age):
     clearance, velocity, before = radar.clearance, radar.velocity, radar.before
     if is_radar_faulty(radar) or not (is_bad(clearance) or is_bad(velocity)):
         return False
-    since = radar.measured_clearance.at + radar.measured_clearance.age - radar.before_at
+    since = radar.now - radar.before_at
     if since > LARGEST_GAP:
         return False
     relative, mean = before.acceleration - radar.host, settings.lead_acceleration_mean
@@ -382,7 +382,7 @@ def _judge(radar, settings, repeated):
     _doubt_what_was_taught(radar, settings, age, clearance_was_faulty, velocity_was_faulty)
     if repeated:
         return
-    radar.before, radar.before_at = track, measured_clearance.at + measured_clearance.age
+    radar.before, radar.before_at = track, radar.now
     _learn_of_scan(radar, settings, clearance_variance, velocity_variance)
     _teach_track(radar, settings, age, relative)
     if not whole:

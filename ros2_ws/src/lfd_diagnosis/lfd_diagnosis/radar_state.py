@@ -115,6 +115,7 @@ RADAR = np.dtype(
         ("velocity", RADAR_SIGNAL),
         ("measured_clearance", MEASURED),
         ("measured_velocity", MEASURED),
+        ("now", "f8"),
         ("rows", SCAN_ROWS),
         ("path", TRAVELLED_PATH),
         ("drift", DRIFT),
@@ -150,7 +151,7 @@ RADAR = np.dtype(
     ],
     align=True,
 )
-"""State of one radar's two signals and of its target; m, m/s and m/s^2.
+"""State of one radar's two signals and of its target; m, m/s and m/s^2, `now` in s.
 
 The target. `id`, seen first at `begun_at` (s), of so many `scans`, so far `begun_beside` (m) the
 one before if it is just as fast, else NaN; other ids' targets are `remembered`. `track` is where it

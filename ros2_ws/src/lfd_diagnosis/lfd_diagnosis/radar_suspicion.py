@@ -66,7 +66,7 @@ BACK_ON_PATH, LEFT_DOUBT, NEARER = 0.2, 3.0, 0.5
 """Share of a jump of the clearance by which it may lead beside where it came from; or deviations of
 what is known of that, and share of the jump from which on it rather leads away."""
 
-UNSEEN = 10.0
+UNPROVEN = 10.0
 """Seconds for which a new target may be a former one whose clearance is off, or what was believed
 of a relative velocity may be wrong."""
 
@@ -225,7 +225,7 @@ def _convict_of_unseen(radar, settings):
     """Convict a clearance that jumps back from where a fault had put it whose beginning nobody
     saw; whether it does."""
     jump, measured = radar.clearance.residual, radar.measured_clearance
-    lately = radar.clearance.last_at - radar.begun_at < UNSEEN
+    lately = radar.clearance.last_at - radar.begun_at < UNPROVEN
     farther = settings.same_car and abs(jump) > settings.largest_shift
     usual = deviation(radar.path.noise)
     if settings.check_drift and _leads_to(jump, undone_rise(radar.path, jump), usual):
@@ -286,7 +286,7 @@ def _ends_a_drift(radar):
 @inner
 def _was_blamed(radar):
     """Whether the relative velocity is, or was lately, blamed for a drift."""
-    lately = radar.measured_clearance.at - radar.velocity.faulty_at < UNSEEN
+    lately = radar.measured_clearance.at - radar.velocity.faulty_at < UNPROVEN
     return isfinite(radar.undrifted) and lately
 
 

@@ -27,7 +27,7 @@ STEADY = 2.5
 """m/s^2 by which the host's acceleration may change meanwhile: a manoeuvre shows every lag, and
 looks like a bend."""
 
-SLOWEST, FASTEST = 1.0, 15.0
+SLOWEST_BEND, FASTEST_BEND = 1.0, 15.0
 """m/s from which on a car surely goes round a bend, and up to which roads bend so sharply."""
 
 ROAD_BEND = np.dtype(
@@ -89,7 +89,7 @@ def follow_bend(bend, jump, difference, derivative, felt, speed, steepest):
     changed = now - before
     if abs(changed) < FASTER + jump_noise(jump) or abs(now) > steepest:
         return 0.0
-    if not (SLOWEST <= speed <= FASTEST and _is_steady(bend, abs(changed))):
+    if not (SLOWEST_BEND <= speed <= FASTEST_BEND and _is_steady(bend, abs(changed))):
         return 0.0
     if came_at_once(jump, changed):
         return 0.0

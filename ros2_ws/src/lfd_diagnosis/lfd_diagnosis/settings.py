@@ -10,6 +10,12 @@ from lfd_observer.settings import LeadMotion
 ROBUST = "own choice, docs/robust.md"
 """Where the robust profile's figures come from."""
 
+TABLE_1 = {
+    "clearance": (0.38411, 0.25811),
+    "relative_velocity": (0.45135, 0.26806),
+    "acceleration": (0.44431, 0.23698),
+}
+"""Mean and standard deviation of the non-zero indices as printed in the paper."""
 
 CLOSED_LOOP = "docs/closed-loop.md"
 """Where the decision's figures come from."""
@@ -265,7 +271,7 @@ class DiagnosisSettings(
         le=10.0,
     )
     clearance_threshold: float = setting(
-        0.38411 + 0.25811,
+        sum(TABLE_1["clearance"]),
         "1",
         "index of the clearance at or above which confidence grows",
         "Table 1, mean + standard deviation",
@@ -273,7 +279,7 @@ class DiagnosisSettings(
         le=1.0,
     )
     relative_velocity_threshold: float = setting(
-        0.45135 + 0.26806,
+        sum(TABLE_1["relative_velocity"]),
         "1",
         "index of the relative velocity at or above which confidence grows",
         "Table 1, mean + standard deviation",
@@ -281,7 +287,7 @@ class DiagnosisSettings(
         le=1.0,
     )
     acceleration_threshold: float = setting(
-        0.44431 + 0.23698,
+        sum(TABLE_1["acceleration"]),
         "1",
         "index of the acceleration at or above which confidence grows",
         "Table 1, mean + standard deviation",

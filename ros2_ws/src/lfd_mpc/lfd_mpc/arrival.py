@@ -28,7 +28,8 @@ MAX_GAP_PERIODS = 5
 periods of the slowest input."""
 
 AHEAD_NS = 1_000_000_000
-"""A stamp this far ahead of all other inputs is refused."""
+"""A stamp this far ahead of all other inputs is refused; where others agree with it, time has
+jumped."""
 
 LONG_AGO = -(2**62)
 """Before any stamp."""

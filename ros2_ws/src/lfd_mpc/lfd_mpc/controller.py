@@ -1,13 +1,11 @@
-"""The model predictive controller: one state in, one input sequence and its prediction out."""
+"""The model predictive controller: what one step computes, and what is built once for it."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from lfd_mpc.arrays import Array
 from lfd_mpc.box_qp import (
-    SOLVED,
     BoxProblem,
     BoxQp,
     optimality_residual,
@@ -16,7 +14,7 @@ from lfd_mpc.box_qp import (
 )
 from lfd_mpc.compiled import borrowing, entry, inner
 from lfd_mpc.prediction_model import build_prediction_model
-from lfd_mpc.settings import STEP_S, MpcSettings
+from lfd_mpc.settings import STEP_S, MpcSettings, desired_clearance
 
 
 class ControlModel(NamedTuple):
@@ -32,13 +30,16 @@ class ControlModel(NamedTuple):
     linear: bool
 
 
+_desired_at = inner(desired_clearance)
+
+
 @borrowing
-def desired_clearance(model, clearance, host_speed):
-    """In m (eq 1); without a host speed (NaN) the clearance itself, so that only the relative
-    velocity is regulated."""
+def desired_or_own(model, clearance, host_speed):
+    """The desired clearance in m; without a host speed (NaN) the clearance itself, so that only the
+    relative velocity is regulated."""
     if np.isnan(host_speed):
         return clearance
-    return host_speed * model.preview_time + model.minimum_clearance
+    return _desired_at(model.minimum_clearance, model.preview_time, host_speed)
 
 
 @borrowing
@@ -82,36 +83,6 @@ def roll_out_entry(model, clearance, relative_velocity, acceleration, plan, stat
     roll_out(model, clearance, relative_velocity, acceleration, plan, states)
 
 
-@entry
-def _solve(model, clearance, relative_velocity, acceleration, host_speed, f, plan, states):
-    desired = desired_clearance(model, clearance, host_speed)
-    linear_cost(model, clearance - desired, relative_velocity, acceleration, f)
-    residual = plan_inputs(model, f, plan)
-    roll_out(model, clearance, relative_velocity, acceleration, plan, states)
-    return desired, residual
-
-
-@dataclass(frozen=True)
-class ControlSolution:
-    """Result of one step.
-
-    `inputs` (N,) in m/s^2 and `states` (N, 2) in m and m/s for 1..N steps ahead, or None where
-    nothing was found; `desired_clearance` in m; `residual` in m/s^2.
-    """
-
-    inputs: Array | None
-    states: Array | None
-    desired_clearance: float
-    status: str
-    residual: float
-    fell_back: bool
-
-    @property
-    def command(self) -> float:
-        """Acceleration to apply in m/s^2: the first input; 0 without a solution."""
-        return 0.0 if self.inputs is None else float(self.inputs[0])
-
-
 class Controller:
     """Eqs 1 to 10 with everything that does not change built once."""
 
@@ -136,32 +107,4 @@ class Controller:
             residual_limit=settings.residual_limit,
             own_solver=self.qp.own_solver,
             linear=settings.prediction == "linear",
-        )
-
-    def solve(
-        self,
-        clearance: float,
-        relative_velocity: float,
-        acceleration: float,
-        host_speed: float | None,
-    ) -> ControlSolution:
-        """Solve one step for finite inputs in m, m/s, m/s^2 and m/s.
-
-        Without a host speed the clearance itself is the desired one, so that only the relative
-        velocity is regulated.
-        """
-        f, plan, states = np.empty(self.steps), np.empty(self.steps), np.empty((self.steps, 2))
-        state = clearance, relative_velocity, acceleration
-        speed = np.nan if host_speed is None else host_speed
-        desired, residual = _solve(self.model, *state, speed, f, plan, states)
-        if residual <= self.model.residual_limit:
-            return ControlSolution(plan, states, desired, SOLVED, residual, False)
-        solution = self.qp.solve(f)
-        if solution.u is None:
-            return ControlSolution(
-                None, None, desired, solution.status, solution.residual, solution.fell_back
-            )
-        roll_out_entry(self.model, *state, solution.u, states)
-        return ControlSolution(
-            solution.u, states, desired, solution.status, solution.residual, solution.fell_back
         )

@@ -13,6 +13,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from enum import IntEnum
 
+from lfd_mpc.arrival import AHEAD_NS
 from lfd_mpc.settings import STEP_NS, STEP_S
 
 PERIOD = 1.0
@@ -20,9 +21,6 @@ PERIOD = 1.0
 
 SILENT = 0.5
 """Seconds without a step after which a node's status is stale."""
-
-LARGEST_GAP_NS = 1_000_000_000
-"""Stamps further apart are a jump of time, not steps that were missed."""
 
 
 class Level(IntEnum):
@@ -78,7 +76,7 @@ class StepHealth:
         """
         if self._last_stamp is not None:
             ahead = stamp - self._last_stamp
-            if 0 < ahead <= LARGEST_GAP_NS:
+            if 0 < ahead <= AHEAD_NS:
                 self._missed += ahead // STEP_NS - 1
             else:
                 self._jumps += 1

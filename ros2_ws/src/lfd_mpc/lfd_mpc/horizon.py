@@ -14,7 +14,7 @@ from lfd_mpc.box_qp import NOT_FOUND, SOLVED, SOLVED_EXACTLY
 from lfd_mpc.compiled import borrowing, entry, inner, make_state
 from lfd_mpc.controller import (
     Controller,
-    desired_clearance,
+    desired_or_own,
     linear_cost,
     plan_inputs,
     roll_out,
@@ -248,7 +248,7 @@ def mpc_step(sampler, model, state, f, plan, states):
         return Progress.DONE
     horizon.clearance = inputs.clearance_now
     horizon.relative_velocity = inputs.relative_velocity.measured
-    desired = desired_clearance(model, horizon.clearance, horizon.host_speed)
+    desired = desired_or_own(model, horizon.clearance, horizon.host_speed)
     horizon.desired_clearance = desired
     linear_cost(
         model, horizon.clearance - desired, horizon.relative_velocity, horizon.acceleration, f

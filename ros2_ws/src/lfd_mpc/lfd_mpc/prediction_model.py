@@ -29,15 +29,11 @@ class PredictionModel:
     eigenvalues: Array
 
     def predict(self, error: Array, inputs: Array, input_now: float) -> Array:
-        """Errors (N, 2) in m and m/s for 1..N steps ahead (eq 10).
+        """Errors (N, 2) in m and m/s for 1..N steps ahead (eq 10), as the cost has them.
 
         `error` (2,) in m and m/s, `inputs` (N,) and `input_now` in m/s^2.
         """
-        return self.predict_linear(error) + self.H @ inputs + self.F * input_now
-
-    def predict_linear(self, error: Array) -> Array:
-        """The same at constant relative velocity: as if neither car accelerated."""
-        return self.M @ error
+        return self.M @ error + self.H @ inputs + self.F * input_now
 
 
 def output_weights(settings: MpcSettings) -> Array:

@@ -17,10 +17,18 @@ STEP_NS = 10_000_000
 STEP_S = STEP_NS * 1e-9
 """One step of the algorithm, `dt`, in seconds."""
 
+GRAVITY = 9.81
+"""m/s^2, by which slopes accelerate and accelerometers feel them."""
+
 
 def share_of(time: float) -> float:
     """What a first-order filter of that time constant (s) takes of a new value each step."""
     return STEP_S / (time + STEP_S)
+
+
+def desired_clearance(minimum_clearance: float, preview_time: float, host_speed: float) -> float:
+    """In m at a host speed in m/s, the preview in s (eq 1)."""
+    return minimum_clearance + preview_time * host_speed
 
 
 def setting(
@@ -269,8 +277,5 @@ class MpcSettings(DrivingSettings, HorizonSettings):
     )
 
     def desired_clearance(self, host_speed: float, gap: float = 1.0) -> float:
-        """In m at a speed in m/s (eq 1); `gap`: how many times as large the preview is.
-
-        What is compiled has its own, `desired_clearance` of `controller.py`.
-        """
-        return self.minimum_clearance + gap * self.preview_time * host_speed
+        """In m at a speed in m/s; `gap`: how many times as large the preview is."""
+        return desired_clearance(self.minimum_clearance, gap * self.preview_time, host_speed)

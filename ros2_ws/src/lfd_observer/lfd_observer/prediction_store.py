@@ -96,15 +96,6 @@ class PredictionStore:
         """How many solutions are stored, at most N."""
         return int(self.state["count"][0])
 
-    @property
-    def full(self) -> bool:
-        """Whether every lead time has a prediction for the present step."""
-        return self.count == len(self.solutions)
-
-    def clear(self) -> None:
-        """Forget every solution."""
-        self.state["count"] = 0
-
     def for_now(self) -> NDArray[np.float64]:
         """Predictions (N, 2) in m and m/s for the step that is about to be stored.
 

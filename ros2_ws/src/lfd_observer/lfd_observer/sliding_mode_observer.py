@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfd_mpc.arrays import Array
-from lfd_mpc.compiled import entry, inner
+from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S, share_of
 
 A = np.array([[0.0, 1.0], [0.0, 0.0]])
@@ -103,12 +103,6 @@ def observe(common, observer, clearance, relative_velocity):
     return observer.equivalent
 
 
-@entry
-def _observe_all(common, observers, measured, accelerations):
-    for i in range(len(observers)):
-        accelerations[i] = observe(common[0], observers[i], measured[i, 0], measured[i, 1])
-
-
 def observers_common(
     gain: float, filter_time: float, boundary_layer: float, restart_error: float
 ) -> NDArray[np.void]:
@@ -121,29 +115,3 @@ def observers_common(
     common = np.zeros(1, OBSERVERS)
     common[0] = gain, share_of(filter_time), boundary_layer, restart_error
     return common
-
-
-class SlidingModeObservers:
-    """Any number of observers side by side, one step of 10 ms at a time."""
-
-    def __init__(
-        self,
-        count: int,
-        gain: float,
-        filter_time: float,
-        boundary_layer: float,
-        restart_error: float = 0.0,
-    ) -> None:
-        """Settings as in `observers_common`."""
-        self._common = observers_common(gain, filter_time, boundary_layer, restart_error)
-        self._observers = np.zeros(count, OBSERVER)
-
-    def step(self, measured: Array) -> tuple[Array, Array]:
-        """Feed `measured` (n, 2) in m and m/s; an observer whose row is NaN does not move.
-
-        Returns relative accelerations (n,) in m/s^2 (equivalent injection, eq 21) and output
-        errors (n,), NaN where an observer has not started.
-        """
-        accelerations = np.empty(len(self._observers))
-        _observe_all(self._common, self._observers, measured, accelerations)
-        return accelerations, self._observers["output_error"].copy()

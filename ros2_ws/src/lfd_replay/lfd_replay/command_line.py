@@ -20,7 +20,7 @@ from rich.table import Table
 
 from lfd_mpc.errors import UserError
 from lfd_replay.drive import Drive, streams_of
-from lfd_replay.faults import Fault, spared_signals
+from lfd_replay.faults import GRAMMAR, Fault, spared_signals
 from lfd_replay.inspection import cannot_run, missing_of
 from lfd_replay.paths import named_path
 from lfd_replay.profiles import DEFAULT_PROFILE, PROFILES, known_profile
@@ -35,7 +35,7 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="TEXT",
-        help="KIND:SIGNAL[=VALUE][,SIGNAL=VALUE...]@START-END in s of drive time; may be repeated",
+        help=f"{GRAMMAR} in s of drive time; may be repeated",
     )
     add_read_options(parser)
     parser.add_argument("--seed", type=int, default=0, help="seed of the noise fault (default: 0)")

@@ -14,6 +14,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from lfd_mpc.arrival import AHEAD_NS
 from lfd_mpc.errors import UserError
 from lfd_mpc.node_support import PIPELINE_QOS, declare_settings
 from lfd_mpc.samples import (
@@ -30,10 +31,6 @@ from lfd_replay.faults import GRAMMAR, Fault, FaultInjector, parse_faults
 
 KEPT_NS = 10_000_000_000
 """Samples of so long ago are known to a fault that begins now: what it holds or delays."""
-
-JUMP_NS = 1_000_000_000
-"""A stamp so far from the newest one is a jump of time where another one agrees; after one back, as
-another drive begins, faults in stamps of this one end."""
 
 
 class LiveFaults:
@@ -91,18 +88,18 @@ class LiveFaults:
     def _follow_time(self, sample: Sample) -> None:
         """Take a stamp as that of now: one that jumps only where a second input agrees, or nothing
         contradicts it for a second."""
-        if self._newest is not None and abs(sample.stamp - self._newest) > JUMP_NS:
+        if self._newest is not None and abs(sample.stamp - self._newest) > AHEAD_NS:
             odd, self._odd = self._odd, sample
             if odd is None:
                 return
             since = sample.stamp - odd.stamp
             if odd.input != sample.input:
-                believed = abs(since) <= JUMP_NS
-            elif 0 < since <= JUMP_NS:
+                believed = abs(since) <= AHEAD_NS
+            elif 0 < since <= AHEAD_NS:
                 self._odd = odd
                 return
             else:
-                believed = 0 < since <= 2 * JUMP_NS
+                believed = 0 < since <= 2 * AHEAD_NS
             if not believed:
                 return
             if sample.stamp < self._newest:

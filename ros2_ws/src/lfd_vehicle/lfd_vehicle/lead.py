@@ -14,7 +14,7 @@ import numpy as np
 
 from lfd_mpc.arrays import Array
 from lfd_mpc.errors import UserError
-from lfd_mpc.samples import RadarSample
+from lfd_mpc.samples import HOST_SPEED, RadarSample
 from lfd_mpc.settings import STEP_S
 from lfd_replay.drive import Drive
 from lfd_replay.generated.lead_profiles import NAMES, Change, Profile, lead_profile
@@ -176,7 +176,7 @@ def recorded_lead(drive: Drive) -> LeadPlan:
         for scan in drive.samples
         if isinstance(scan, RadarSample) and scan.has_target and isfinite(scan.relative_velocity)
     ]
-    speeds = [(s.stamp, s.value) for s in drive.samples if s.input == "host_speed"]
+    speeds = [(s.stamp, s.value) for s in drive.samples if s.input == HOST_SPEED]
     if len(speeds) < 2 or len(scans) < 2:
         raise UserError(f"lead '{drive.name}': host speed and a lead are needed to know the lead's")
     zero = scans[0][0]

@@ -12,8 +12,7 @@ import numpy as np
 from vehiclemodels.init_mb import init_mb
 
 from lfd_mpc.compiled import entry
-from lfd_mpc.settings import STEP_S
-from lfd_replay.generated.sensor_models import GRAVITY
+from lfd_mpc.settings import GRAVITY, STEP_S
 from lfd_vehicle.actuation import Actuation
 from lfd_vehicle.library_model import CONSTANTS, PARAMETERS, X, derivative
 from lfd_vehicle.settings import VehicleSettings

@@ -187,7 +187,7 @@ def index_panel(recording: Recording) -> Panel:
 
 
 def confidence_panel(recording: Recording) -> Panel:
-    """Confidence and its threshold."""
+    """Confidence and its threshold: of steps, or of what a sensor says."""
     marks: list = [
         Line(
             f"{label(signal)}, confidence",
@@ -198,8 +198,12 @@ def confidence_panel(recording: Recording) -> Panel:
         )
         for signal in JUDGED
     ]
-    marks.append(Limit(float(recording.verdict("clearance", "confidence_threshold")[0]), DARK))
-    return Panel("confidence", TIME, "steps", marks, height=0.8)
+    limits = {name: float(recording.verdict(name, "confidence_threshold")[0]) for name in JUDGED}
+    if len(set(limits.values())) == 1:
+        marks.append(Limit(limits[JUDGED[0]], DARK))
+    else:
+        marks += [Limit(limit, COLOURS[name]) for name, limit in limits.items()]
+    return Panel("confidence", TIME, "count", marks, height=0.8)
 
 
 def verdict_panel(recording: Recording) -> Panel:

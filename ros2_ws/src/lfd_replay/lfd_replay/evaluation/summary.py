@@ -2,6 +2,7 @@
 
 from dataclasses import asdict
 
+from lfd_diagnosis.settings import TABLE_1
 from lfd_diagnosis.verdict import SIGNALS
 from lfd_replay.evaluation.campaign import Evaluation
 from lfd_replay.evaluation.cases import RECORDED, SCAN_S, combination_title
@@ -14,13 +15,6 @@ from lfd_replay.evaluation.trace import JUDGED
 from lfd_replay.profiles import PROFILES
 
 Rows = list[tuple[str, ...]]
-
-PAPER_TABLE_1 = {
-    "clearance": (0.38411, 0.25811),
-    "relative_velocity": (0.45135, 0.26806),
-    "acceleration": (0.44431, 0.23698),
-}
-"""Mean and standard deviation of the non-zero indices as printed in the paper."""
 
 
 def summary(evaluation: Evaluation, complete: bool, elapsed: float) -> dict:
@@ -118,7 +112,7 @@ def normal_rows(evaluation: Evaluation) -> Rows:
     rows: Rows = []
     for signal in JUDGED:
         for variant, found in evaluation.normal.items():
-            mean, std = PAPER_TABLE_1[signal]
+            mean, std = TABLE_1[signal]
             rows.append(
                 (
                     signal,

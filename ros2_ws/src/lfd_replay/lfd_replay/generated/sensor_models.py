@@ -29,11 +29,9 @@ import numpy as np
 
 from lfd_mpc.arrays import Array
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample, ScalarSample
+from lfd_mpc.settings import GRAVITY
 from lfd_replay.drive import in_nanoseconds
 from lfd_replay.generated.car_following import Truth
-
-GRAVITY = 9.81
-"""m/s^2"""
 
 SETTLING = 400
 """Samples after which filtered noise no longer knows of its start."""
