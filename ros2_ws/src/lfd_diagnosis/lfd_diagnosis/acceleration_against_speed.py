@@ -22,6 +22,7 @@ from lfd_diagnosis.acceleration_state import (
     LAG_MEMORY,
     LAG_PRIOR,
     LEARNT_EVERY,
+    LEVEL_ROAD,
     follow_off,
     forget_baseline,
     has_leapt,
@@ -47,7 +48,7 @@ from lfd_diagnosis.host_speed import (
 from lfd_diagnosis.noise import deviation, learn_noise, while_learning
 from lfd_diagnosis.repetition import is_frozen
 from lfd_diagnosis.ring import append, at, is_full
-from lfd_diagnosis.road_bend import follow_bend, has_bent, leave_bend, slope_now
+from lfd_diagnosis.road_bend import follow_bend, has_bent, is_unproven, leave_bend, slope_now
 from lfd_diagnosis.roughness import is_rough
 from lfd_diagnosis.sample import POSSIBLE_JERK, beyond
 from lfd_diagnosis.verdict import Kind
@@ -114,8 +115,9 @@ at most."""
 FELT_SHARE = share_of(0.05)
 """Share by which the mean follows of what a faulty one is off by."""
 
-LEVEL = 0.35
-"""m/s^2 within which a level stays where it is."""
+LEVEL, GENTLE_SLOPE = 0.35, 3.0
+"""m/s^2 within which a level stays where it is, and how many times longer a level road's must last
+where the slope may be one."""
 
 DOUBTFUL, SHARPLY = 0.5, 4
 """m/s^2 by which a jerk widens the limits when half of what the difference is may be its lag, and
@@ -189,6 +191,8 @@ def _follow_road(monitor, settings, off):
     bend, speed = monitor.bend, monitor.speed
     told = tells_of_bends(speed, settings) and not (monitor.leapt_for or monitor.reverses)
     steepest = settings.steepest_road if told else 0.0
+    if not is_unproven(bend):
+        bend.slope_before = monitor.slope
     bent = follow_bend(
         bend, monitor.jump, off, speed.derivative, monitor.filtered, speed.last, steepest
     )
@@ -411,7 +415,10 @@ def _follow_level(monitor, settings):
         return
     felt, steep = abs(monitor.felt), abs(monitor.reference) > settings.acceleration_limit
     is_road = not monitor.came_at_once and felt <= settings.steepest_road
-    if monitor.level_for >= settings.requalify_time and (is_road or (felt < LEAST and steep)):
+    # A road as steep as the slope that it was held against may well be one, but hardly for long.
+    times = 1.0 if is_road or steep else GENTLE_SLOPE
+    is_level = is_road or felt < LEVEL_ROAD
+    if is_level and monitor.level_for >= times * settings.requalify_time:
         monitor.reference = monitor.felt
         forget_jump(monitor.jump)
 

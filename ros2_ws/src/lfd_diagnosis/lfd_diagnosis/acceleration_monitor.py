@@ -36,7 +36,7 @@ from lfd_diagnosis.evidence import Ground, give_ground, is_exceeded, is_gauged
 from lfd_diagnosis.held_acceleration import is_still_held, look_for_hold
 from lfd_diagnosis.host_speed import ROUGH_TIME, ROUGH_TIME_ALONE, SLOW, is_road_calm, is_usable
 from lfd_diagnosis.ring import is_full
-from lfd_diagnosis.road_bend import start_bend
+from lfd_diagnosis.road_bend import is_unproven, start_bend
 from lfd_diagnosis.roughness import rough_share
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
@@ -269,21 +269,35 @@ def _count(monitor, settings, exceeded):
 
 
 @inner
+def _take_for_drift(monitor):
+    """A fault that did not come at once is held against the slope from before it, and what was
+    taken for a bend of the road, but went on, was none of it; by how much more it is off
+    (m/s^2)."""
+    reference = monitor.reference
+    if is_unproven(monitor.bend):
+        monitor.slope = monitor.bend.slope_before
+    monitor.kind, monitor.reference = Kind.RAMP, monitor.slope
+    return reference - monitor.slope
+
+
+@inner
 def _convict(monitor, settings, kind, ground, first, second):
     monitor.faulty, monitor.kind = True, kind
     give_ground(monitor.because, ground, first, second, 0.0)
     monitor.confidence, monitor.agreeing = settings.confidence_max, 0.0
     if isnan(monitor.reference):
         monitor.reference = monitor.slope
-    monitor.slope_before, monitor.corrected = monitor.reference, False
     off = monitor.check.residual if monitor.check.ground != Ground.NONE else 0.0
+    # Where a late speed smears what it tells of a manoeuvre, the differences do not show a jump.
+    monitor.came_at_once = came_at_once(monitor.jump, off) or has_leapt(monitor, off)
+    if ground == Ground.HOST_SPEED and is_gauged(kind) and not monitor.came_at_once:
+        off += _take_for_drift(monitor)
+    monitor.slope_before, monitor.corrected = monitor.reference, False
     monitor.off, monitor.settled = off, 0
     find_size(monitor, off)
     estimate_size(monitor, off, ground == Ground.HOST_SPEED)
     forget_baseline(monitor)
     monitor.back_for, monitor.settling = 0, False
-    # Where a late speed smears what it tells of a manoeuvre, the differences do not show a jump.
-    monitor.came_at_once = came_at_once(monitor.jump, off) or has_leapt(monitor, off)
     monitor.level, monitor.level_for = np.nan, 0.0
     monitor.jumped_for = 0
 

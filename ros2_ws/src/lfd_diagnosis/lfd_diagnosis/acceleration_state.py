@@ -40,6 +40,9 @@ SWINGING = 0.65
 """m/s^2 of usual roughness from which on a bump swings a sensor's mounting so far that it looks
 like a jump."""
 
+LEVEL_ROAD = 0.6
+"""m/s^2 up to which what is felt may be a level road."""
+
 NOISELESS = 0.025
 """Second differences in m/s^2 that an accelerometer without noise hardly exceeds."""
 

@@ -4,6 +4,7 @@ from math import exp, isnan, sqrt
 
 import numpy as np
 
+from lfd_diagnosis.evidence import repeats
 from lfd_diagnosis.lead_track import predict_track, set_clearance
 from lfd_diagnosis.noise import deviation
 from lfd_diagnosis.radar_signal import is_bad, is_held, repeats_wrongly
@@ -72,6 +73,9 @@ EXPECTED_SIGMA = 2.0
 
 LEAD_AT_REST = 0.5
 """Speed of a lead in m/s below which it brakes no further."""
+
+SETTLES = 0.75
+"""Share of its limit by which a clearance settles once both cars stand."""
 
 UNKNOWN_LEAD = 1.5
 """m/s^2 that a lead may accelerate by when it comes into view."""
@@ -297,7 +301,7 @@ def is_stuck(radar, settings, signal, of_clearance, changed):
     """A value repeated for too long, or though it should have `changed`."""
     if of_clearance and 0.0 < signal.last <= NEAREST:
         return False
-    if of_clearance and not _repeats_itself(radar):
+    if of_clearance and not _repeats_together(radar):
         if changed:
             return is_held(signal)
         moves = radar.host_moves and not _may_both_stand(radar)
@@ -308,8 +312,10 @@ def is_stuck(radar, settings, signal, of_clearance, changed):
         if _may_be_unseen(radar):
             return False
         if _has_left(radar, settings) and velocity_seems_held(radar):
-            return True
-        if _may_both_stand(radar) and not _repeats_itself(radar):
+            # Where both cars may stand, a clearance that settles leaves nothing.
+            settles = SETTLES * radar.clearance.limit
+            return abs(radar.held.off) > settles or not _may_both_stand(radar)
+        if _may_both_stand(radar) and not _repeats_together(radar):
             return False
         if radar.held.leapt_to_zero and _stays_at_zero(signal.repetition):
             return True
@@ -342,7 +348,7 @@ def _stays_at_zero(repetition):
 
 
 @inner
-def _repeats_itself(radar):
+def _repeats_together(radar):
     """Whether the radar says the same again and again: one signal does, the other since then."""
     own, other = radar.clearance.repetition, radar.velocity.repetition
     if stays_without_noise(radar):
@@ -353,6 +359,14 @@ def _repeats_itself(radar):
     apart = other.run - own.run
     together = -run_by_chance(own, CHANCE) <= apart <= run_by_chance(other, CHANCE)
     return is_either_held(radar) and together
+
+
+@inner
+def repeats_with_held(radar):
+    """Whether a relative velocity has said the same since a clearance that is held did: it may be
+    held, too, and teaches nothing."""
+    same = radar.velocity.repetition.run > 0 and _repeats_together(radar)
+    return same and repeats(radar.clearance.kind)
 
 
 @inner
@@ -373,7 +387,7 @@ def stays_without_noise(radar):
 def should_have_changed(radar, settings, of_clearance):
     """Whether a value that repeats itself had reason to change."""
     clearance = radar.clearance
-    if _repeats_itself(radar):
+    if _repeats_together(radar):
         return True
     if of_clearance:
         # Where both say the same, they are told together.

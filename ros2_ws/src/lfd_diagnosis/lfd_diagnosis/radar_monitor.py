@@ -8,6 +8,7 @@ from lfd_diagnosis.evidence import repeats
 from lfd_diagnosis.held_radar import (
     follow_held_velocity,
     is_sent_again,
+    repeats_with_held,
     should_have_changed,
     stand_both,
     stays_without_noise,
@@ -53,6 +54,7 @@ from lfd_diagnosis.radar_target import (
     begin_another,
     begin_target,
     change_target,
+    has_another_id,
     is_another_in_part,
     is_settling,
     keeps_target,
@@ -248,7 +250,9 @@ def _scan(radar, settings, track_id):
         change_target(radar, max(radar.clearance.last_at, radar.velocity.last_at))
         start_target(radar, settings)
     elif not (whole and sort_out_target(radar, settings, track_id)):
-        if track_id != UNKNOWN_TRACK:
+        # What is not heard of another id may be another car's: a whole scan tells.
+        radar.other_in_part = not whole and has_another_id(radar, track_id)
+        if track_id != UNKNOWN_TRACK and not radar.other_in_part:
             radar.id = track_id
         radar.scans += 1
         _judge(radar, settings, same_clearance and same_velocity and _says_again(radar, settings))
@@ -440,7 +444,7 @@ def _teach_track(radar, settings, age, relative):
         if velocity.faulty:
             variance += WANDERING * wander_of(radar, settings)
         correct_clearance(track, clearance.residual, variance)
-    if radar.measured_velocity.new and _is_good(velocity):
+    if radar.measured_velocity.new and _is_good(velocity) and not repeats_with_held(radar):
         then = velocity_then(track, age, track.acceleration - radar.host)
         before = track.clearance
         correct_velocity(track, radar.measured_velocity.value - then, velocity.noise.variance)

@@ -7,10 +7,12 @@ import numpy as np
 from lfd_diagnosis.evidence import BECAUSE, Ground, is_gauged, repeats
 from lfd_diagnosis.noise import LEARNT_NOISE, deviation, start_noise
 from lfd_diagnosis.repetition import (
+    CHANCE,
     REPETITION,
     is_beyond_chance,
     is_frozen,
     restart_repetition,
+    run_by_chance,
     start_repetition,
 )
 from lfd_diagnosis.ring import RING, append, at, is_full, start_ring
@@ -415,6 +417,12 @@ def forgive(signal):
 
 
 @inner
+def is_zero_by_now(repetition):
+    """Whether zeros in a row are no moment's, nor those of a coarse signal that is near it."""
+    return repetition.run >= max(ZERO_SCANS, run_by_chance(repetition, CHANCE))
+
+
+@inner
 def classify(signal, settings, should_have_changed):
     """What began as a jump may turn out to be something else."""
     signal.faulty_scans += 1
@@ -422,7 +430,8 @@ def classify(signal, settings, should_have_changed):
         return
     # What was held has said the same ever since.
     ever_since = settings.check_repetition and signal.repetition.run >= signal.faulty_scans
-    if signal.last == 0.0 and signal.repetition.run >= ZERO_SCANS and ever_since:
+    zero = signal.last == 0.0 and is_zero_by_now(signal.repetition)
+    if zero and ever_since:
         signal.kind = Kind.ZERO
     elif ever_since and is_held(signal) and repeats_wrongly(signal, should_have_changed):
         signal.kind = Kind.HOLD

@@ -126,6 +126,7 @@ RADAR = np.dtype(
         ("taught", "?"),
         ("scans", "i8"),
         ("unseen", "?"),
+        ("other_in_part", "?"),
         ("followed", "i8"),
         ("begun_at", "f8"),
         ("begun_beside", "f8"),
@@ -157,9 +158,10 @@ The target. `id`, seen first at `begun_at` (s), of so many `scans`, so far `begu
 one before if it is just as fast, else NaN; other ids' targets are `remembered`. `track` is where it
 is, if that is known (`has_track`), `before` the same as it was at `before_at` (s), when the last
 scan was not yet taken; `taught`: whether the relative velocity has corrected it since it was
-faulty. While it is `unseen` the radar says that it sees no lead; `followed`: scans that it was seen
-in, less what was lost of it. `slow_acceleration` and `slower_acceleration`: the lead's through one
-and two filters, while the relative velocity is healthy. `leap`: what jumps and may be another
+faulty. While it is `unseen` the radar says that it sees no lead, while it is
+`other_in_part` scans of which one signal is missing have another id; `followed`: scans that it was
+seen in, less what was lost of it. `slow_acceleration` and `slower_acceleration`: the lead's through
+one and two filters, while the relative velocity is healthy. `leap`: what jumps and may be another
 target.
 
 The host. How it accelerates (`host`), its speed (`host_speed`, NaN unless it is believed), and
@@ -209,7 +211,7 @@ def start_target(radar, settings):
     radar.has_track, radar.taught = False, True
     radar.before_at = -np.inf
     radar.scans = 0
-    radar.unseen = False
+    radar.unseen = radar.other_in_part = False
     radar.followed = 0
     radar.id = UNKNOWN_TRACK
     radar.remembered_count = 0
@@ -252,6 +254,14 @@ def is_radar_faulty(radar):
 def is_reference_lost(radar):
     """Whether there is a faulty signal that nothing can be told from."""
     return radar.clearance.lost or radar.velocity.lost
+
+
+@inner
+def are_heard(radar):
+    """Whether clearance and relative velocity are of the target that is seen now, though maybe not
+    measured any more."""
+    later = radar.clearance.last_at - radar.velocity.last_at
+    return not (radar.other_in_part and later < 0.0), not (radar.other_in_part and later > 0.0)
 
 
 @inner

@@ -128,7 +128,7 @@ def begin_target(radar, settings, track_id):
     if goes_on:
         believe(radar.track, mean, settings.lead_acceleration_std)
         radar.clearance.coasted = 0.0
-    radar.has_track = True
+    radar.has_track, radar.other_in_part = True, False
     radar.before_at = -np.inf
     radar.id, radar.scans, radar.followed = track_id, 1, 0
     radar.slow_acceleration = radar.slower_acceleration = mean
@@ -200,7 +200,7 @@ def _agrees(radar, settings):
 
 
 @inner
-def _has_another_id(radar, track_id):
+def has_another_id(radar, track_id):
     """Whether the target has an id, and had another one before."""
     known = track_id != UNKNOWN_TRACK and radar.id != UNKNOWN_TRACK
     return track_id != radar.id and known
@@ -221,7 +221,7 @@ def sort_out_target(radar, settings, track_id):
     has_missed = gap > GAP_SCANS * radar.period
     _follow_period(radar, gap)
     silent = gap > LOST_AFTER or (has_missed and _is_elsewhere(radar, settings))
-    changed = _has_another_id(radar, track_id) and not _says_as_before(radar)
+    changed = has_another_id(radar, track_id) and not _says_as_before(radar)
     goes_on = not (changed or silent)
     if goes_on and at - radar.clearance.last_at > REGAINED:
         _regain(radar, settings)
@@ -258,7 +258,7 @@ def is_another_in_part(radar, settings, track_id):
         off = velocity.value - velocity_then(track, velocity.age, relative)
     last_at = max(radar.clearance.last_at, radar.velocity.last_at)
     gone = radar.unseen or measured.at - last_at > LOST_AFTER
-    if not (gone or _has_another_id(radar, track_id)):
+    if not (gone or has_another_id(radar, track_id)):
         return False
     # What is faulty and goes on as it was is of the same car.
     return abs(off) > limit and abs(measured.value - signal.last) > signal.floor

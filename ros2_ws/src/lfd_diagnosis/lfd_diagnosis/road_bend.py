@@ -17,8 +17,9 @@ MOST_DRIFT, FASTER, FLAT = 0.5, 0.65, 0.25
 """m/s^2 that a drift may change within that second, that none does, and up to which the road does
 not bend any more."""
 
-LEAST_AFTER, MOST_AFTER = 10, 40
-"""Values after a bend that tell whether it was one: a drift goes on."""
+LEAST_AFTER, MOST_AFTER, PROVEN_AFTER = 10, 40, 60
+"""Values after a bend that tell whether it was one, as a drift goes on; and after it was left until
+nothing says any more that it was none."""
 
 SURE = 0.5
 """m/s^2 of a bend beyond what a drift may have made of it from which on it surely is one."""
@@ -39,6 +40,8 @@ ROAD_BEND = np.dtype(
         ("since", "i8"),
         ("bent", "f8"),
         ("level", "f8"),
+        ("slope_before", "f8"),
+        ("over_for", "i8"),
     ],
     align=True,
 )
@@ -46,7 +49,8 @@ ROAD_BEND = np.dtype(
 and what was felt (`felts`), every `EVERY` steps, in m/s^2; `steps` so far.
 
 `since`: values since a bend, 0 where there was none; `bent` (m/s^2): how much more the road did
-bend than a drift makes; `level` (m/s^2): the mean difference when it last bent.
+bend than a drift makes; `level` (m/s^2): the mean difference when it last bent; `slope_before`
+(m/s^2): the slope when it began to, `over_for`: values since it is over.
 """
 
 
@@ -58,6 +62,13 @@ def start_bend(bend):
     start_ring(bend.felts, KEPT)
     bend.steps = bend.since = 0
     bend.bent = 0.0
+    bend.over_for = PROVEN_AFTER
+
+
+@inner
+def is_unproven(bend):
+    """Whether the road bends, or may not have lately, so that the slope before it still counts."""
+    return bend.over_for < PROVEN_AFTER
 
 
 @inner
@@ -77,6 +88,7 @@ def follow_bend(bend, jump, difference, derivative, felt, speed, steepest):
     append(bend.differences, difference)
     append(bend.derivatives, derivative)
     append(bend.felts, felt)
+    bend.over_for = 0 if bend.since else bend.over_for + 1
     if not is_full(bend.differences):
         return 0.0
     if bend.since:
@@ -93,7 +105,7 @@ def follow_bend(bend, jump, difference, derivative, felt, speed, steepest):
         return 0.0
     if came_at_once(jump, changed):
         return 0.0
-    bend.since = 1
+    bend.since, bend.over_for = 1, 0
     bend.bent += abs(changed) - MOST_DRIFT
     if bend.bent < SURE:
         changed -= MOST_DRIFT if changed > 0.0 else -MOST_DRIFT

@@ -25,6 +25,7 @@ from lfd_diagnosis.radar_signal import deviation_about, ends_for_all_to_see, ind
 from lfd_diagnosis.radar_state import (
     RADAR,
     READY_SCANS,
+    are_heard,
     is_radar_faulty,
     is_ready,
     is_reference_lost,
@@ -365,10 +366,13 @@ def _reconstruct(state, settings, seen, relative, outcome):
     evidence.clearance_std, evidence.relative_velocity_std = clearance_std, velocity_std
     # A lead that was coasted to behind the own bumper is not there.
     possible = radar.track.clearance >= 0.0
-    made.clearance_valid = tracked and possible and clearance_std <= VALID_CLEARANCE_STD
+    clearance_known, velocity_known = are_heard(radar)
+    made.clearance_valid = (
+        tracked and clearance_known and possible and clearance_std <= VALID_CLEARANCE_STD
+    )
     made.clearance = radar.track.clearance if made.clearance_valid else np.nan
     made.clearance_std = clearance_std if made.clearance_valid else np.nan
-    made.relative_velocity_valid = tracked and velocity_std <= VALID_VELOCITY_STD
+    made.relative_velocity_valid = tracked and velocity_known and velocity_std <= VALID_VELOCITY_STD
     made.relative_velocity = radar.track.velocity if made.relative_velocity_valid else np.nan
     made.relative_velocity_std = velocity_std if made.relative_velocity_valid else np.nan
     made.relative_acceleration_valid = not isnan(relative)
