@@ -1009,3 +1009,39 @@ def test_an_offset_while_the_car_drives_off_is_no_reversal(
         standing.speed += 0.01
         standing.step(acceleration=1.0 + offset)
     assert State.FAULT in {o.report.acceleration.state for o in standing.outcomes[start:]}
+
+
+@pytest.mark.parametrize("speed", [8.0, 20.0])
+@pytest.mark.parametrize("rate", [0.8, 1.0, -1.0, 2.0])
+def test_a_drift_that_a_bend_of_the_road_might_have_begun_is_none_once_it_goes_on(
+    car: Car, speed: float, rate: float
+) -> None:
+    car.speed = speed
+    car.drive(8.0)
+    start = car.number
+    for k in range(600):
+        outcome = car.step(acceleration=0.01 * rate * k)
+    verdict, made = outcome.report.acceleration, outcome.reconstruction
+    assert verdict.state == State.FAULT and verdict.kind == Kind.RAMP
+    assert verdict.size == pytest.approx(6.0 * rate, rel=0.2)
+    assert abs(made.acceleration) < 0.4 and made.acceleration_std < 0.5
+    assert car.faults_since(start) == {"acceleration"}
+    end = car.number
+    assert car.drive(1.5).report.acceleration.state == State.OK
+    car.drive(5.0)
+    assert not car.faults_since(end)
+
+
+@pytest.mark.parametrize("off", [1.3, 1.5])
+def test_a_level_road_is_believed_though_a_sensor_that_was_off_had_taught_a_slope(
+    car: Car, off: float
+) -> None:
+    for k in range(300):
+        car.step(acceleration=off * k / 300.0)
+    car.drive(12.0, acceleration=off)
+    for _ in range(2000):
+        outcome = car.step()
+        made, verdict = outcome.reconstruction, outcome.report.acceleration
+        if verdict.state == State.FAULT and outcome.report.stamp - verdict.since > 300_000_000:
+            assert abs(made.acceleration) < 3.0 * made.acceleration_std
+    assert outcome.report.acceleration.state == State.OK

@@ -873,3 +873,19 @@ def test_a_calm_clearance_may_waver_by_a_little(wavers: float, noise: bool) -> N
     assert car.faults_since(since) == ({"clearance", "radar"} if noise else set())
     if noise:
         assert car.outcomes[-1].report.clearance.kind == Kind.NOISE
+
+
+@pytest.mark.parametrize("velocity", [-2.0, 1.75])
+def test_an_offset_that_makes_a_coarse_relative_velocity_zero_is_an_offset(velocity: float) -> None:
+    car = Car()
+    car.rounded["relative_velocity"] = 0.25
+    car.clearance = 60.0
+    car.follow_unsteady(20, 3)
+    car.velocity, car.lead_acceleration = velocity, 0.0
+    car.track_id, car.clearance = 2, 60.0
+    car.drive(3.0)
+    start = car.number
+    verdict = car.drive(4.0, relative_velocity=-velocity).report.relative_velocity
+    assert verdict.state == State.FAULT and verdict.kind == Kind.OFFSET
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+    assert car.drive(1.5).report.relative_velocity.state == State.OK

@@ -647,3 +647,33 @@ def test_a_line_from_one_car_to_another_is_no_fault(scans_a_second: int, decimal
     start = car.number
     drive(0.2, off=2.0)
     assert car.faults_since(start) == {"clearance", "radar"}
+
+
+def test_what_repeats_itself_beside_a_held_clearance_is_less_sure_the_longer_it_does() -> None:
+    """Coarse steps may say the same for seconds by chance, or because the whole radar is held."""
+    found = 0
+    for seed in range(6):
+        car = Car()
+        car.random = np.random.default_rng(seed)
+        car.rounded |= {"clearance": 0.2, "relative_velocity": 0.25}
+        car.follow_unsteady(25, seed)
+        held = {"clearance_is": car.seen[0], "relative_velocity_is": car.seen[1]}
+        car.lead_acceleration = 1.0
+        for _ in range(400):
+            outcome = car.step(**held)
+            made = outcome.reconstruction
+            if outcome.report.clearance.state == State.FAULT and made.relative_velocity_valid:
+                off = abs(made.relative_velocity - car.velocity)
+                assert off < 4.0 * made.relative_velocity_std
+        found += outcome.report.clearance.state == State.FAULT
+    assert found >= 4, "a lead that is as fast, and stays so by both, tells nothing"
+
+
+def test_without_host_speed_a_clearance_that_settles_holds_no_relative_velocity_at_rest() -> None:
+    car = Car(host_speed=False)
+    car.drive(12.0)
+    car.speed, start = 0.0, car.number
+    for k in range(3000):
+        settled = 0.4 * min(k / 1000.0, 1.0)
+        car.step(clearance=settled, relative_velocity_is=0.0)
+    assert not car.faults_since(start)

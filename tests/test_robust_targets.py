@@ -892,3 +892,29 @@ def test_without_ids_a_gain_of_the_clearance_is_a_fault(gain: float, clearance: 
     for _ in range(100):
         car.step(clearance=(gain - 1.0) * car.clearance)
     assert car.faults_since(start) == {"clearance", "radar"}
+
+
+@pytest.mark.parametrize("farther", [-15.0, -8.0, 5.0, 20.0, 45.0])
+def test_another_car_that_comes_while_no_clearance_is_heard_is_not_where_the_last_one_was(
+    car: Car, farther: float
+) -> None:
+    car.drive(1.0, clearance_is=nan)
+    assert car.outcomes[-1].reconstruction.clearance_valid
+    start = car.number
+    car.track_id, car.clearance = 2, car.clearance + farther
+    for _ in range(200):
+        made = car.step(clearance_is=nan).reconstruction
+        assert not made.clearance_valid or car.number <= start + 2 * SCAN
+    assert made.relative_velocity_valid
+    assert car.drive(2.0).report.clearance.state == State.OK
+    assert not car.faults_since(start)
+    assert abs(car.outcomes[-1].reconstruction.clearance - car.clearance) < 0.5
+
+
+def test_a_relative_velocity_that_is_not_heard_of_another_id_is_not_known(car: Car) -> None:
+    car.drive(0.5, relative_velocity_is=nan)
+    car.track_id = 2
+    made = car.drive(1.0, relative_velocity_is=nan).reconstruction
+    assert made.clearance_valid and not made.relative_velocity_valid
+    made = car.drive(1.0).reconstruction
+    assert made.clearance_valid and made.relative_velocity_valid and not car.faults_since(0)

@@ -419,7 +419,7 @@ def _follow_level(monitor, settings):
     times = 1.0 if is_road or steep else GENTLE_SLOPE
     is_level = is_road or felt < LEVEL_ROAD
     if is_level and monitor.level_for >= times * settings.requalify_time:
-        monitor.reference = monitor.felt
+        monitor.reference, monitor.corrected = monitor.felt, False
         forget_jump(monitor.jump)
 
 

@@ -405,7 +405,7 @@ def _doubt_what_was_taught(radar, settings, age, clearance_was_faulty, velocity_
     begins = velocity.faulty and not velocity_was_faulty
     held = repeats(velocity.kind)
     both = repeats(clearance.kind) and not clearance_was_faulty
-    if held and (begins or both):
+    if (held and begins) or (both and (held or repeats_with_held(radar))):
         take_back_held(radar, settings, age)
     if begins or (held and both):
         believe(radar.track, 2.0 * radar.slow_acceleration - radar.slower_acceleration, SLOW_STD)
