@@ -889,3 +889,18 @@ def test_an_offset_that_makes_a_coarse_relative_velocity_zero_is_an_offset(veloc
     assert verdict.state == State.FAULT and verdict.kind == Kind.OFFSET
     assert car.faults_since(start) == {"relative_velocity", "radar"}
     assert car.drive(1.5).report.relative_velocity.state == State.OK
+
+
+def test_how_late_a_relative_velocity_is_is_learnt() -> None:
+    """By 0.3 s, beside a clearance that wanders: as it changes the two come apart."""
+    car = Car()
+    said: list[float] = []
+    for k in range(12000):
+        back = 0.03 * (car.clearance - 30.0) + 0.2 * car.velocity
+        wanted = 2.0 * sin(0.01 * k / 2.0) * sin(0.01 * k / 17.0) - back
+        car.lead_acceleration += 0.02 * (wanted - car.lead_acceleration)
+        said.append(car.velocity)
+        late = said[max(k - 30, 0)] + 0.03 * car.random.standard_normal()
+        wander = 0.15 * sin(0.01 * k * 2.0 * pi / 3.1)
+        car.step(clearance=wander, relative_velocity_is=late)
+    assert not car.faults_since(0)

@@ -31,11 +31,13 @@ from lfd_diagnosis.ring import at
 from lfd_diagnosis.roughness import is_rough, resolution_of, rough_share
 from lfd_diagnosis.travelled_path import (
     BEYOND_WINDOW,
+    HEALTHY,
     clear_path,
     explain_drift,
     explain_step,
     follow_path,
     is_explainable,
+    learn_lateness,
     least_step,
     path_drift,
     path_limit,
@@ -368,6 +370,8 @@ def hold_against_path(radar, settings):
         velocity.residual,
     )
     drift = path_drift(path, settings, limit)
+    if settings.learn_noise and abs(drift) < HEALTHY * limit:
+        learn_lateness(path)
     if not (settings.check_drift and is_explainable(path)):
         return
     if abs(drift) > limit:

@@ -56,6 +56,10 @@ which that explains a difference, and points that are needed on either side."""
 MOST_LATE = 0.35
 """Seconds by which a radar's relative velocity may be later than its clearance, or earlier."""
 
+LATE_TIME, LATE_PRIOR, LATE_MEMORY = 1.0, 200.0, 6000
+"""Seconds over which a change of the velocity tells how late it is; sum of such changes squared, in
+m^2/s^2, until which that is hardly known; and scans after which it is forgotten."""
+
 SUDDEN, SUDDEN_SHARE = 0.8, 0.7
 """Seconds in which no drift goes such a share of the way to its limit."""
 
@@ -107,6 +111,9 @@ TRAVELLED_PATH = np.dtype(
         ("velocity", "f8"),
         ("skipped", "f8"),
         ("skipped_time", "f8"),
+        ("late", "f8"),
+        ("late_product", "f8"),
+        ("late_square", "f8"),
     ],
     align=True,
 )
@@ -115,7 +122,8 @@ TRAVELLED_PATH = np.dtype(
 `points` are time (s), that difference (m), how far the velocity was off from its prediction
 (m/s), the velocity (m/s), and the time (s) that was left out until then. `reach`: seconds of path
 that tell who is wrong. `skipped`: steps between parts of a car that were left out of the last
-window, `skipped_time` the seconds that all of them took.
+window, `skipped_time` the seconds that all of them took. `late`: by how many s the velocity is
+learnt to be later than the clearance.
 """
 
 DRIFT = np.dtype(
@@ -130,6 +138,7 @@ while that is in doubt. `shifted`: nobody is, the radar sees another part of the
 def start_path(path, learn):
     """Begin with nothing."""
     start_noise(path.noise, 0.15, 0.02, 2.0, learn, 2000)
+    path.late, path.late_product, path.late_square = 0.0, 0.0, LATE_PRIOR
     clear_path(path)
 
 
@@ -181,6 +190,7 @@ def wander(path, noise, drifted):
 def _beside(path, time, clearance, velocity):
     """What a scan's clearance is off from the path travelled."""
     travelled = 0.5 * (velocity + path.velocity) * (time - path.then)
+    travelled += path.late * (velocity - path.velocity)
     last = path.points[_point(path, path.count - 1), 1]
     return last + clearance - path.clearance - travelled
 
@@ -205,6 +215,25 @@ def follow_path(path, settings, time, clearance, velocity, step):
     while time - points[path.first, 0] > 2.0 * settings.drift_window + BEYOND_WINDOW:
         path.first, path.count = _point(path, 1), path.count - 1
     path.then, path.clearance, path.velocity = time, clearance, velocity
+
+
+@inner
+def learn_lateness(path):
+    """How much later the velocity is than the clearance, from a healthy path: what the clearance
+    leaves it by as the velocity changes."""
+    newest, number = _point(path, path.count - 1), path.count - 1
+    while number > 0 and path.then - path.points[_point(path, number), 0] < LATE_TIME:
+        number -= 1
+    then = _point(path, number)
+    known = path.then - path.points[then, 0] >= LATE_TIME
+    if not known or path.points[newest, 4] != path.points[then, 4]:
+        return
+    change = path.points[newest, 3] - path.points[then, 3]
+    left = path.points[newest, 1] - path.points[then, 1] + path.late * change
+    path.late_product += left * change - path.late_product / LATE_MEMORY
+    path.late_square += change * change - (path.late_square - LATE_PRIOR) / LATE_MEMORY
+    late = path.late_product / path.late_square
+    path.late = max(-MOST_LATE, min(MOST_LATE, late))
 
 
 @inner
