@@ -7,7 +7,6 @@ import numpy as np
 from lfd_diagnosis.evidence import BECAUSE, Ground, is_gauged, repeats
 from lfd_diagnosis.noise import LEARNT_NOISE, deviation, start_noise
 from lfd_diagnosis.repetition import (
-    CHANCE,
     REPETITION,
     is_beyond_chance,
     is_frozen,
@@ -71,8 +70,9 @@ which they may differ, beyond their limit."""
 LIMIT_STEPS = 1.5
 """Steps of its resolution that a signal may be off from its prediction."""
 
-HELD_SCANS, ZERO_SCANS = 6, 3
-"""Equal scans below which nothing is thought of it, and from which on a zero is one."""
+HELD_SCANS, ZERO_SCANS, ZERO_CHANCE = 6, 3, 1e-2
+"""Equal scans below which nothing is thought of it, and from which on a zero is one, unless that
+may be a coincidence."""
 
 AVERAGED, AGREED = 4.0, 0.4
 """Scans over which noise averages out while a faulty signal agrees, and share of the fault that it
@@ -419,7 +419,7 @@ def forgive(signal):
 @inner
 def is_zero_by_now(repetition):
     """Whether zeros in a row are no moment's, nor those of a coarse signal that is near it."""
-    return repetition.run >= max(ZERO_SCANS, run_by_chance(repetition, CHANCE))
+    return repetition.run >= max(ZERO_SCANS, run_by_chance(repetition, ZERO_CHANCE))
 
 
 @inner
