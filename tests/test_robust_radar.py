@@ -902,7 +902,7 @@ def test_how_late_a_relative_velocity_is_is_learnt() -> None:
     said: list[float] = []
     for k in range(12000):
         back = 0.03 * (car.clearance - 30.0) + 0.2 * car.velocity
-        wanted = 2.0 * sin(0.01 * k / 2.0) * sin(0.01 * k / 17.0) - back
+        wanted = (1.0 if k < 3000 else 3.0) * sin(0.01 * k / 2.0) * sin(0.01 * k / 17.0) - back
         car.lead_acceleration += 0.02 * (wanted - car.lead_acceleration)
         said.append(car.velocity)
         late = said[max(k - 30, 0)] + 0.03 * car.random.standard_normal()

@@ -56,9 +56,10 @@ which that explains a difference, and points that are needed on either side."""
 MOST_LATE = 0.35
 """Seconds by which a radar's relative velocity may be later than its clearance, or earlier."""
 
-LATE_TIME, LATE_PRIOR, LATE_MEMORY = 1.0, 200.0, 6000
+LATE_TIME, LATE_PRIOR, LATE_MEMORY, LATE_PROVEN = 1.0, 200.0, 6000.0, 5.0
 """Seconds over which a change of the velocity tells how late it is; sum of such changes squared, in
-m^2/s^2, until which that is hardly known; and scans after which it is forgotten."""
+m^2/s^2, until which that is hardly known; scans after which it is forgotten; and seconds in which a
+drift is found, which would teach it, too."""
 
 SUDDEN, SUDDEN_SHARE = 0.8, 0.7
 """Seconds in which no drift goes such a share of the way to its limit."""
@@ -114,6 +115,8 @@ TRAVELLED_PATH = np.dtype(
         ("late", "f8"),
         ("late_product", "f8"),
         ("late_square", "f8"),
+        ("proving", "f8", (2, 3)),
+        ("proving_since", "f8"),
     ],
     align=True,
 )
@@ -123,7 +126,8 @@ TRAVELLED_PATH = np.dtype(
 (m/s), the velocity (m/s), and the time (s) that was left out until then. `reach`: seconds of path
 that tell who is wrong. `skipped`: steps between parts of a car that were left out of the last
 window, `skipped_time` the seconds that all of them took. `late`: by how many s the velocity is
-learnt to be later than the clearance.
+learnt to be later than the clearance; `proving` are scans and sums of the last seconds, since
+`proving_since`, and of those before, which may be a drift's.
 """
 
 DRIFT = np.dtype(
@@ -149,6 +153,8 @@ def clear_path(path):
     path.then = -np.inf
     path.clearance = path.velocity = np.nan
     path.skipped = path.skipped_time = 0.0
+    path.proving[:, :] = 0.0
+    path.proving_since = np.inf
 
 
 @inner
@@ -230,10 +236,21 @@ def learn_lateness(path):
         return
     change = path.points[newest, 3] - path.points[then, 3]
     left = path.points[newest, 1] - path.points[then, 1] + path.late * change
-    path.late_product += left * change - path.late_product / LATE_MEMORY
-    path.late_square += change * change - (path.late_square - LATE_PRIOR) / LATE_MEMORY
-    late = path.late_product / path.late_square
-    path.late = max(-MOST_LATE, min(MOST_LATE, late))
+    now, proven = path.proving[0], path.proving[1]
+    now[0] += 1.0
+    now[1] += left * change
+    now[2] += change * change
+    path.proving_since = min(path.proving_since, path.then)
+    if path.then - path.proving_since < LATE_PROVEN:
+        return
+    keep = 1.0 - proven[0] / LATE_MEMORY
+    path.late_product = keep * path.late_product + proven[1]
+    path.late_square = keep * (path.late_square - LATE_PRIOR) + LATE_PRIOR + proven[2]
+    path.late = path.late_product / path.late_square
+    path.late = max(-MOST_LATE, min(MOST_LATE, path.late))
+    proven[:] = now
+    now[:] = 0.0
+    path.proving_since = path.then
 
 
 @inner
