@@ -311,11 +311,11 @@ def is_stuck(radar, settings, signal, of_clearance, changed):
     if not of_clearance:
         if _may_be_unseen(radar):
             return False
-        if _has_left(radar, settings) and velocity_seems_held(radar):
-            # Where both cars may stand, a clearance that settles leaves nothing.
-            settles = SETTLES * radar.clearance.limit
-            return abs(radar.held.off) > settles or not _may_both_stand(radar)
-        if _may_both_stand(radar) and not _repeats_together(radar):
+        may_stand = _may_both_stand(radar)
+        settles = may_stand and abs(radar.held.off) <= SETTLES * radar.clearance.limit
+        if not settles and _has_left(radar, settings) and velocity_seems_held(radar):
+            return True
+        if may_stand and not _repeats_together(radar):
             return False
         if radar.held.leapt_to_zero and _stays_at_zero(signal.repetition):
             return True

@@ -417,9 +417,11 @@ def forgive(signal):
 
 
 @inner
-def is_zero_by_now(repetition):
-    """Whether zeros in a row are no moment's, nor those of a coarse signal that is near it."""
-    return repetition.run >= max(ZERO_SCANS, run_by_chance(repetition, ZERO_CHANCE))
+def _is_zero(signal):
+    """Whether it says zero, for no moment, nor as a coarse signal does that is near it."""
+    repetition = signal.repetition
+    least = max(ZERO_SCANS, run_by_chance(repetition, ZERO_CHANCE))
+    return signal.last == 0.0 and repetition.run >= least
 
 
 @inner
@@ -430,8 +432,7 @@ def classify(signal, settings, should_have_changed):
         return
     # What was held has said the same ever since.
     ever_since = settings.check_repetition and signal.repetition.run >= signal.faulty_scans
-    zero = signal.last == 0.0 and is_zero_by_now(signal.repetition)
-    if zero and ever_since:
+    if ever_since and _is_zero(signal):
         signal.kind = Kind.ZERO
     elif ever_since and is_held(signal) and repeats_wrongly(signal, should_have_changed):
         signal.kind = Kind.HOLD
