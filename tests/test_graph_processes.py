@@ -197,7 +197,7 @@ def test_a_domain_that_cannot_be_is_named(monkeypatch, domain: str) -> None:
 
 
 STOPPED = """
-import ctypes, os, signal, sys, time
+import atexit, ctypes, os, signal, sys, time
 from rclpy.node import Node
 from std_msgs.msg import String
 from lfd_mpc.node_process import run_node
@@ -247,6 +247,11 @@ class NeverLeaves(Running):
     def destroy_node(self):
         # In C, with Python's lock.
         ctypes.PyDLL(None).sleep(60)
+
+class HeldUpAsPythonEnds(Running):
+    def destroy_node(self):
+        atexit.register(ctypes.PyDLL(None).sleep, 60)
+        super().destroy_node()
 
 class ByItself(Node):
     def __init__(self):
@@ -319,8 +324,9 @@ def test_a_node_that_is_told_again_and_again_ends_in_peace(name: str) -> None:
 
 @pytest.mark.alone
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
-def test_a_node_that_the_middleware_does_not_let_go_ends_in_time(name: str) -> None:
-    process = running("NeverLeaves")
+@pytest.mark.parametrize("kind", ["NeverLeaves", "HeldUpAsPythonEnds"])
+def test_a_node_that_the_middleware_does_not_let_go_ends_in_time(kind: str, name: str) -> None:
+    process = running(kind)
     process.send_signal(getattr(signal, name))
     told = time.monotonic()
     done = ended(process)

@@ -27,30 +27,22 @@ class _Times(ctypes.Structure):
     )
 
 
-class Deadline:
-    """Ends the process with a status after so many s, if it is not lifted before.
+def end_within(seconds: float, status: int = 0) -> None:
+    """Ends the process with a status after so many s, if it has not ended by then.
 
     The system's timer does it: a library in C that waits for ever may hold Python's lock, so that
-    no thread of Python ever runs again.
+    no thread of Python ever runs again. Raises OSError if the system has no timer left.
     """
+    system = ctypes.CDLL(None, use_errno=True)
+    leave = ctypes.cast(system._exit, ctypes.c_void_p)
+    notice = _Notice(value=status, way=_SIGEV_THREAD, function=leave)
+    timer = ctypes.c_void_p()
+    _check(system.timer_create(_CLOCK_MONOTONIC, ctypes.byref(notice), ctypes.byref(timer)))
+    times = _Times(after_s=int(seconds), after_ns=int(seconds % 1.0 * 1e9))
+    _check(system.timer_settime(timer, 0, ctypes.byref(times), None))
 
-    def __init__(self, seconds: float, status: int = 0) -> None:
-        """Raises OSError if the system has no timer left."""
-        self._system = ctypes.CDLL(None, use_errno=True)
-        self._timer = ctypes.c_void_p()
-        leave = ctypes.cast(self._system._exit, ctypes.c_void_p)
-        notice = _Notice(value=status, way=_SIGEV_THREAD, function=leave)
-        timer = ctypes.byref(self._timer)
-        self._check(self._system.timer_create(_CLOCK_MONOTONIC, ctypes.byref(notice), timer))
-        times = _Times(after_s=int(seconds), after_ns=int(seconds % 1.0 * 1e9))
-        self._check(self._system.timer_settime(self._timer, 0, ctypes.byref(times), None))
 
-    def lift(self) -> None:
-        """The process goes on. To be called once."""
-        self._check(self._system.timer_delete(self._timer))
-
-    @staticmethod
-    def _check(status: int) -> None:
-        if status:
-            number = ctypes.get_errno()
-            raise OSError(number, os.strerror(number))
+def _check(status: int) -> None:
+    if status:
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))

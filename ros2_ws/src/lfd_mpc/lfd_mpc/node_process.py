@@ -25,14 +25,14 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from lfd_mpc.collector import without_collector
-from lfd_mpc.deadline import Deadline
+from lfd_mpc.deadline import end_within
 from lfd_mpc.errors import UserError
 from lfd_mpc.starting import ENDING_SIGNALS
 
 NodeType = TypeVar("NodeType", bound=Node)
 
 LEAVING = 2.0
-"""Seconds within which a node that was told to end has left ROS; it takes 0.15 s.
+"""Seconds within which the process of a node that was told to end has ended; it takes 0.15 s.
 
 Where DDS was built with an old C++ library, as for the wheels, it waits for ever if it leaves just
 while it hears that another node left (https://github.com/eProsima/Fast-DDS/issues/6513): one end in
@@ -76,12 +76,11 @@ class _Signals:
         self.at_once = True
         self._leaves_within: float | None = None
         self._status = 0
-        self._deadline: Deadline | None = None
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         first, self.told = not self.told, True
         if first and self._leaves_within is not None:
-            self._deadline = Deadline(self._leaves_within, self._status)
+            end_within(self._leaves_within, self._status)
         if self.at_once:
             self.at_once = False
             raise KeyboardInterrupt
@@ -90,7 +89,8 @@ class _Signals:
     def taken(self, leaves_within: float | None, status: int) -> Iterator[None]:
         """Signals come here until the end; once told, nothing comes to the end of the process.
 
-        If that end does not come within so many s of the first one, the process ends with `status`.
+        If that end does not come within so many s of the first one, the process ends with `status`:
+        also where ROS has been left, as Python takes down there what of a node was only half made.
         """
         self.told, self.at_once = False, True
         self._leaves_within, self._status = leaves_within, status
@@ -101,9 +101,6 @@ class _Signals:
             for number, handler in before.items():
                 # Python's own end gives signals that it handles back to the system.
                 signal.signal(number, signal.SIG_IGN if self.told else handler)
-            if self._deadline is not None:
-                self._deadline.lift()
-                self._deadline = None
 
 
 _signals = _Signals()
@@ -208,7 +205,7 @@ def ros_started(
 ) -> Iterator[None]:
     """ROS, seen by this machine alone unless the environment says otherwise; left at the end.
 
-    Told to end it is left within so many s, or the process ends with `status`, if that is given.
+    Told to end, the process ends within so many s, with `status` at the latest, if that is given.
 
     Raises UserError for arguments, parameters or an environment with which ROS or a node does not
     start, and for security that was asked for but would not be enforced; KeyboardInterrupt for
