@@ -93,6 +93,69 @@ def test_a_faulty_host_speed_is_named_and_not_used(car: Car) -> None:
     assert "acceleration" in car.faults_since(start), "the observers still tell"
 
 
+@pytest.mark.parametrize("rate", [-3.0, -1.5, 1.5, 3.0])
+def test_a_speed_that_drifts_is_named_as_the_lead_tells_and_blames_no_accelerometer(
+    rate: float,
+) -> None:
+    """As that of wheels that slip; they grip again, and it is right at once. So fast no road bends
+    like that."""
+    car = Car()
+    car.speed = 25.0
+    car.drive(20.0)
+    for k in range(400):
+        outcome = car.step(host_speed=0.01 * rate * (k + 1))
+    said = outcome.report.host_speed
+    assert (said.state, said.kind) == (State.FAULT, Kind.RAMP)
+    assert abs(said.size - 4.0 * rate) < 2.0 * said.size_std < 4.0 * abs(rate)
+    assert "ramp by its derivative left what the accelerometer feels" in said.reason
+    assert "host speed is not used" in outcome.report.acceleration.reason
+    assert car.delay("host_speed", 2000) < 0.7
+    ended = car.number
+    outcome = car.drive(1.5)
+    assert outcome.report.host_speed.state == outcome.report.acceleration.state == State.OK
+    assert car.faults_since(0) == {"host_speed"}
+    assert car.faults_since(ended + 60) == set()
+
+
+@pytest.mark.parametrize("bend", [-1.8, 1.8])
+@pytest.mark.parametrize("leads", [True, False], ids=["behind a lead", "alone"])
+def test_a_car_that_is_driven_on_as_before_where_the_road_bends_has_no_faulty_sensor(
+    bend: float, leads: bool
+) -> None:
+    """Its accelerometer feels the drive, not gravity: the speed alone changes, and the lead says
+    the same."""
+    car = Car()
+    car.has_target, car.speed = leads, 25.0
+    car.drive(20.0)
+    for k in range(400):
+        slope = bend * min(k / 30.0, 1.0)
+        car.speed += 0.01 * slope
+        car.velocity -= 0.01 * slope
+        car.step()
+    assert car.faults_since(0) == set()
+    # It was learnt: what the accelerometer jumps by is still seen.
+    start = car.number
+    for _ in range(100):
+        car.speed += 0.01 * bend
+        car.velocity -= 0.01 * bend
+        outcome = car.step(acceleration=3.0)
+    assert car.faults_since(start) == {"acceleration"}
+    assert abs(outcome.report.acceleration.size - 3.0) < 0.3
+
+
+def test_an_accelerometer_that_jumps_as_the_car_brakes_as_hard_is_the_faulty_one() -> None:
+    """What is felt hardly changes, but it leapt."""
+    car = Car()
+    car.drive(20.0)
+    start = car.number
+    for k in range(200):
+        brakes = 2.0 * min(k / 30.0, 1.0)
+        car.speed -= 0.01 * brakes
+        car.velocity += 0.01 * brakes
+        car.step(acceleration=2.0 - brakes)
+    assert car.faults_since(start) == {"acceleration"}
+
+
 def test_a_host_speed_that_is_held_as_the_car_drives_off_blames_no_accelerometer(car: Car) -> None:
     while car.speed > 0.03:
         car.speed -= 0.02

@@ -133,15 +133,7 @@ THERE = 0.75
 @inner
 def against_speed(monitor, settings):
     """Against the derivative of the host's speed."""
-    jerk = as_the_car_moves(monitor, jerk_of(monitor.speed))
-    lag, smooth = _lag(monitor, settings)
-    if rattles(monitor.speed):
-        smooth = -JERK_FILTER
-    derivative = as_the_car_moves(monitor, monitor.speed.derivative) + (lag + smooth) * jerk
-    follow_difference(monitor.jump, newest_sample(monitor) - derivative)
-    # What smoothing made late, and the accelerometer tells by now.
-    _follow_own_jerk(monitor)
-    off = monitor.filtered - derivative + smooth * monitor.own_jerk
+    off = difference(monitor, settings)
     if monitor.faulty:
         if repeats(monitor.kind):
             doubt_slope(monitor, STILL_KNOWN)
@@ -182,7 +174,22 @@ def against_speed(monitor, settings):
     elif not monitor.confidence:
         monitor.reference = np.nan
         healthy = abs(step) < LEAST * step_limit
+        jerk = as_the_car_moves(monitor, jerk_of(monitor.speed))
         _learn(monitor, settings, off, jerk, step if healthy else np.nan, slow_limit)
+
+
+@inner
+def difference(monitor, settings):
+    """By how much they differ in this step (m/s^2), which is followed."""
+    jerk = as_the_car_moves(monitor, jerk_of(monitor.speed))
+    lag, smooth = _lag(monitor, settings)
+    if rattles(monitor.speed):
+        smooth = -JERK_FILTER
+    derivative = as_the_car_moves(monitor, monitor.speed.derivative) + (lag + smooth) * jerk
+    follow_difference(monitor.jump, newest_sample(monitor) - derivative, derivative)
+    # What smoothing made late, and the accelerometer tells by now.
+    _follow_own_jerk(monitor)
+    return monitor.filtered - derivative + smooth * monitor.own_jerk
 
 
 @inner
@@ -240,11 +247,11 @@ def speed_may_be_wrong(monitor, settings):
     when_held = as_the_car_moves(monitor, monitor.speed.derivative_when_held)
     then = monitor.filtered - when_held - monitor.check.reference
     agrees_with_then = abs(then) <= monitor.check.limit
-    return speed_seems_held(monitor.speed, agrees_with_then, _lead_speaks_for(monitor))
+    return speed_seems_held(monitor.speed, agrees_with_then, lead_speaks_for(monitor))
 
 
 @inner
-def _lead_speaks_for(monitor):
+def lead_speaks_for(monitor):
     """Whether the lead, as observers see it, is steadier if the accelerometer is right than if the
     speed is."""
     by_speed = as_the_car_moves(monitor, monitor.speed.derivative) + monitor.relative_slow

@@ -23,9 +23,14 @@ AROUND, NEAR, AT_ONCE_SHARE = 10, 3, 0.6
 """Steps that are averaged to tell whether a change came at once, steps around where the values
 divide best in which it may have come, and share of it that must have."""
 
+AFTER, BEFORE, JUST_NOW = 15, 75, 0.7
+"""Steps that are averaged after a change, steps until before it, and share of it that must have
+come meanwhile: a manoeuvre hides what the accelerometer made of it by a rare coincidence only."""
+
 JUMP = np.dtype(
     [
         ("values", "f8", (LOOKED_AT,)),
+        ("derivatives", "f8", (LOOKED_AT,)),
         ("next", "i8"),
         ("count", "i8"),
         ("noise", LEARNT_NOISE, (len(WINDOWS),)),
@@ -37,9 +42,9 @@ JUMP = np.dtype(
     ],
     align=True,
 )
-"""The last differences in m/s^2 between accelerometer and speed, what `noise` the difference of two
-of their means has, and a jump that was `found`: the number of the `window`, the mean `before`, and
-`total` and `steps` since."""
+"""The last differences in m/s^2 between accelerometer and speed, the `derivatives` of the speed in
+them, what `noise` the difference of two of their means has, and a jump that was `found`: the number
+of the `window`, the mean `before`, and `total` and `steps` since."""
 
 
 @inner
@@ -66,9 +71,10 @@ def forget_jump(jump):
 
 
 @inner
-def follow_difference(jump, value):
-    """Take one step's difference (m/s^2)."""
+def follow_difference(jump, value, derivative):
+    """Take one step's difference, and the speed's derivative in it (m/s^2)."""
     jump.values[jump.next] = value
+    jump.derivatives[jump.next] = derivative
     jump.next = (jump.next + 1) % LOOKED_AT
     jump.count = min(jump.count + 1, LOOKED_AT)
     if jump.found and jump.steps < WINDOWS[jump.window]:
@@ -122,11 +128,37 @@ def came_at_once(jump, change):
 
 
 @inner
+def own_share(jump, change):
+    """The share that the accelerometer made of what changed the differences by about `change`
+    (m/s^2), zero where it was the derivative alone; NaN where that did not come just now."""
+    newest, oldest = BEFORE, BEFORE + LEAST_BEFORE
+    if jump.count < oldest:
+        return np.nan
+    changed = _sum(jump, 0, AFTER) / AFTER - _sum(jump, newest, oldest) / LEAST_BEFORE
+    if changed * change < JUST_NOW * change * change:
+        return np.nan
+    after = _sum_of(jump, jump.derivatives, 0, AFTER) / AFTER
+    before = _sum_of(jump, jump.derivatives, newest, oldest) / LEAST_BEFORE
+    return 1.0 + (after - before) / changed
+
+
+@inner
+def steps_since(jump):
+    """How many steps ago what changed just now did so, as far as that can be told."""
+    return min(_best_split(jump), BEFORE)
+
+
+@inner
 def _sum(jump, newest, oldest):
-    """Of the values from `newest` steps ago to before `oldest` steps ago."""
+    """Of the differences from `newest` steps ago to before `oldest` steps ago."""
+    return _sum_of(jump, jump.values, newest, oldest)
+
+
+@inner
+def _sum_of(jump, values, newest, oldest):
     total = 0.0
     for ago in range(newest, oldest):
-        total += jump.values[jump.next - 1 - ago]
+        total += values[jump.next - 1 - ago]
     return total
 
 

@@ -34,10 +34,24 @@ from lfd_diagnosis.acceleration_state import (
 from lfd_diagnosis.confidence import counted
 from lfd_diagnosis.evidence import Ground, give_ground, is_exceeded, is_gauged
 from lfd_diagnosis.held_acceleration import is_still_held, look_for_hold
-from lfd_diagnosis.host_speed import ROUGH_TIME, ROUGH_TIME_ALONE, SLOW, is_road_calm, is_usable
+from lfd_diagnosis.host_speed import (
+    ROUGH_TIME,
+    ROUGH_TIME_ALONE,
+    SLOW,
+    drifts,
+    is_road_calm,
+    is_usable,
+)
 from lfd_diagnosis.ring import is_full
 from lfd_diagnosis.road_bend import is_unproven, start_bend
 from lfd_diagnosis.roughness import rough_share
+from lfd_diagnosis.speed_against_acceleration import (
+    blame_speed,
+    hold_speed,
+    is_the_speeds,
+    is_told,
+    seems_road,
+)
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
@@ -111,6 +125,9 @@ def judge_acceleration(
         ends = _ends_the_last(monitor, settings) or _leads_back(monitor, settings)
         if ends or _began_wrongly(monitor):
             _end_the_last(monitor)
+        elif settings.check_speed and is_the_speeds(monitor):
+            if _take_for_the_speeds(monitor, settings):
+                _hold_against_evidence(monitor, settings, False, relative_velocity, lead_report)
         else:
             check = monitor.check
             _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
@@ -128,6 +145,8 @@ def _hold_against_evidence(monitor, settings, usable, relative_velocity, lead_re
             monitor.reference = np.nan
         forget_baseline(monitor)
         monitor.felt = np.nan
+        if drifts(monitor.speed):
+            hold_speed(monitor, settings)
         _lose_slope(monitor, STILL_KNOWN)
         against_lead(monitor, settings, relative_velocity, lead_report)
 
@@ -193,6 +212,19 @@ def _began_wrongly(monitor):
     check = monitor.check
     first = check.ground == Ground.HOST_SPEED and monitor.slope_known < FIRST_TIME
     return first and abs(check.reference + check.residual) < NEARER_LEVEL * abs(check.reference)
+
+
+@inner
+def _take_for_the_speeds(monitor, settings):
+    """What disagrees is the road that bent, or a speed that drifts; whether that was found."""
+    if not is_told(monitor):
+        return False
+    if seems_road(monitor, settings):
+        _end_the_last(monitor)
+        return False
+    blame_speed(monitor, settings)
+    forgive_acceleration(monitor)
+    return True
 
 
 @inner

@@ -24,6 +24,7 @@ class Ground(IntEnum):
     LEAD_JUMPED = 10  # from, to, limit
     LEAD_DISAGREES = 11  # what it says, what is seen, limit
     JUMPED_BACK = 12  # jump, limit
+    SPEED_LEFT = 13  # difference, limit, how much of it the accelerometer made
 
 
 BECAUSE = np.dtype(

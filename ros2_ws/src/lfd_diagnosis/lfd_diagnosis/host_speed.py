@@ -100,6 +100,10 @@ of it an equal sample is the same one again."""
 ROUGH_TIME, ROUGH_TIME_ALONE = 0.3, 1.5
 """Seconds of roughness that make a fault, and where nothing tells a bad road from a bad sensor."""
 
+ENDS_BY, DRIFT_DOUBT = 0.25, 0.3
+"""Share of what a speed has drifted by that a jump back may leave, and m/s^2 by which the rate of
+that may be wrong all along: accelerometers are off by as much for long."""
+
 SETTLING = 3.0
 """Filter times after which the derivative counts."""
 
@@ -122,6 +126,7 @@ HOST_SPEED = np.dtype(
         ("kind", "i8"),
         ("because", BECAUSE),
         ("size", "f8"),
+        ("size_std", "f8"),
         ("off", "f8"),
         ("quiet", "f8"),
         ("last", "f8"),
@@ -160,12 +165,12 @@ slipped.
 
 `same`: samples in a row that are equal, those of a car that seems to stand, too; `missed` (m/s):
 what the host's acceleration should have changed in `held_for` s of equal ones; `felt` (m/s^2): how
-the host accelerated at the newest one. `off` (m/s): the sum of the jumps of a faulty one, `quiet`
-(s): for how long nothing was wrong with it. `doubt` (m/s) is what the newest one, seen at
-`seen_at`, jumps by, NaN if it does not or is not in doubt any more, `possible` (m/s) how far a car
-may jump; the first one that was in doubt is of `doubted_at` (where none is, the newest one); `last`
-is of `last_at`, before them. `refresh` (s): how long the sensor, or a table it was put into, says
-each value again and again; it changed at `changed_at`.
+the host accelerated at the newest one. `off` (m/s): the sum of the jumps of a faulty one, and of
+what it drifted by; `quiet` (s): for how long nothing was wrong with it. `doubt` (m/s) is what the
+newest one, seen at `seen_at`, jumps by, NaN if it does not or is not in doubt any more, `possible`
+(m/s) how far a car may jump; the first one that was in doubt is of `doubted_at` (where none is, the
+newest one); `last` is of `last_at`, before them. `refresh` (s): how long the sensor, or a table it
+was put into, says each value again and again; it changed at `changed_at`.
 """
 
 
@@ -191,7 +196,8 @@ def restart_speed(speed):
 
 @inner
 def _believe(speed):
-    speed.faulty, speed.kind, speed.size = False, Kind.UNKNOWN, np.nan
+    speed.faulty, speed.kind = False, Kind.UNKNOWN
+    speed.size = speed.size_std = np.nan
     speed.because.ground = Ground.NONE
 
 
@@ -224,7 +230,19 @@ def is_believed(speed):
 @inner
 def is_usable(speed, settings):
     """Whether its derivative is evidence now."""
+    return not speed.faulty and has_settled(speed, settings)
+
+
+@inner
+def has_settled(speed, settings):
+    """Whether its derivative has been filtered for long enough to be that of the speed."""
     return speed.followed >= SETTLING * settings.host_speed_filter_time
+
+
+@inner
+def drifts(speed):
+    """Whether it is called faulty for leaving what the accelerometer feels."""
+    return speed.faulty and speed.kind == Kind.RAMP
 
 
 @inner
@@ -381,7 +399,7 @@ def follow_speed(speed, settings, now, at, value, acceleration, shaken):
         speed.seen_at = at
         if not (again or _doubt_jump(speed, at, value, acceleration)):
             _take(speed, settings, at, value, acceleration, shaken)
-    if speed.faulty:
+    if speed.faulty and not drifts(speed):
         _stop_following(speed)
         return
     filter_time = settings.host_speed_filter_time
@@ -543,8 +561,7 @@ def _requalify(speed, settings, value):
         speed.quiet = 0.0
     needed = settings.requalify_time if speed.off != 0.0 and not held else settings.clear_time
     if speed.faulty and speed.quiet >= needed:
-        _believe(speed)
-        speed.off = 0.0
+        believe_again(speed)
 
 
 @inner
@@ -564,9 +581,12 @@ def _check_jump(speed, value, period, acceleration, was_held):
         if not speed.faulty:
             learn_noise(speed.noise, jump, 0.0)
         return
+    ends = drifts(speed) and ENDS_BY * abs(speed.off) > abs(speed.off + jump)
     speed.off += jump
-    if speed.faulty and abs(speed.off) <= limit:
+    if speed.faulty and (ends or abs(speed.off) <= limit):
         speed.off = 0.0
+    if drifts(speed):
+        _stop_following(speed)
     kind = Kind.HOLD if was_held else Kind.OFFSET
     if value == 0.0:
         kind = Kind.ZERO
@@ -577,5 +597,31 @@ def _check_jump(speed, value, period, acceleration, was_held):
 def _convict(speed, kind, size, ground, first, second, third):
     speed.quiet = 0.0
     if not speed.faulty:
-        speed.faulty, speed.kind, speed.size = True, kind, size
+        speed.faulty, speed.kind = True, kind
+        speed.size, speed.size_std = size, deviation(speed.noise)
         give_ground(speed.because, ground, first, second, third)
+
+
+@inner
+def convict_drift(speed, rate, limit, felt, since, filter_time):
+    """It left what the accelerometer feels by so many m/s^2 (`rate`), while what that felt changed
+    by so many, so many s ago (`since`): how long exactly the filter hides."""
+    _convict(speed, Kind.RAMP, 0.0, Ground.SPEED_LEFT, rate, limit, felt)
+    speed.off, speed.size_std = 0.0, abs(rate) * filter_time
+    follow_drift(speed, rate, since)
+
+
+@inner
+def follow_drift(speed, rate, time):
+    """One that drifts went on to do so by so many m/s^2 (`rate`) for so many s."""
+    speed.quiet = 0.0
+    speed.off += rate * time
+    speed.size = speed.off
+    speed.size_std += DRIFT_DOUBT * time
+
+
+@inner
+def believe_again(speed):
+    """It was the road that changed."""
+    _believe(speed)
+    speed.off = 0.0

@@ -29,6 +29,10 @@ _GROUND_WORDS: dict[int, Callable[[Any], str]] = {
     Ground.SPEED_JUMPED: lambda b: (
         f"a jump of {b.first:.2f} m/s in {b.second * 1000:.0f} ms (limit {b.third:.2f})"
     ),
+    Ground.SPEED_LEFT: lambda b: (
+        f"its derivative left what the accelerometer feels by {b.first:.2f} m/s^2 "
+        f"(limit {b.second:.2f}), which itself changed by {b.third:.2f}"
+    ),
     Ground.LEAD_JUMPED: lambda b: (
         f"it jumped from {b.first:.2f} to {b.second:.2f} m/s^2 (limit {b.third:.2f})"
     ),

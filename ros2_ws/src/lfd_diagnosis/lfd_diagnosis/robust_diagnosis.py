@@ -19,7 +19,6 @@ from lfd_diagnosis.lead_report import (
     restart_lead,
     tells_unseen,
 )
-from lfd_diagnosis.noise import deviation
 from lfd_diagnosis.radar_monitor import coast_radar, follow_radar
 from lfd_diagnosis.radar_signal import deviation_about, ends_for_all_to_see, index_of, size_of
 from lfd_diagnosis.radar_state import (
@@ -326,7 +325,7 @@ def _judge_host_speed(state, settings, horizon, outcome):
         elif speed.faulty:
             verdict, kind = State.FAULT, speed.kind
             if is_gauged(kind):
-                size, size_std = speed.size, deviation(speed.noise)
+                size, size_std = speed.size, speed.size_std
         elif is_usable(speed, settings):
             verdict = State.OK if isnan(speed.doubt) else State.SUSPECT
     bad = 0 if isnan(speed.doubt) else 1

@@ -165,6 +165,12 @@ class AccelerationChecks(Settings):
         ge=0.0,
         le=10.0,
     )
+    check_speed: bool = setting(
+        True,
+        "1",
+        "where the speed's derivative alone changed, it is the road that bent, or the speed drifts",
+        ROBUST,
+    )
     use_observers: bool = setting(
         True,
         "1",

@@ -133,7 +133,7 @@ def _followed(name: str, folder: Path, track: list[RadarSample]) -> Drive:
     first, last = track[0].stamp, track[-1].stamp
     host = [s for s in load_drive(RECORDED, folder).samples if not isinstance(s, RadarSample)]
     samples: list[Sample] = [*(s for s in host if first <= s.stamp <= last), *track]
-    return Drive(name, sorted(samples, key=lambda sample: sample.stamp))
+    return Drive(name, sorted(samples, key=playing_order))
 
 
 def backward(drive: Drive) -> Drive:

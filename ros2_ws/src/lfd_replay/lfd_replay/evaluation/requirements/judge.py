@@ -10,8 +10,8 @@ from lfd_diagnosis.verdict import COVERS, Kind
 from lfd_replay.evaluation.requirements.plan import NOISE
 from lfd_replay.evaluation.trace import JUDGED
 
-ONSET = {"clearance": 3.0, "relative_velocity": 2.0, "acceleration": 2.0}
-"""Errors in m, m/s and m/s^2 that are dangerous."""
+ONSET = {"clearance": 3.0, "relative_velocity": 2.0, "acceleration": 2.0, "host_speed": 3.0}
+"""Errors in m, m/s, m/s^2 and m/s that are dangerous, or that a speed may not have for long."""
 
 OBSERVABLE = 5.0
 """Times the sensor's noise from which on an error must be found."""

@@ -39,6 +39,7 @@ MECHANISMS = {
         (_NO_HOST_SPEED, ("restart_error", 0.0))
     ),
     "no bends of the road": Ablation((("steepest_road", 0.0),)),
+    "no doubt of the speed": Ablation((("check_speed", False),)),
     "no latch": Ablation((("latch", False),)),
     "no V2V (and no host speed)": Ablation(
         (_NO_HOST_SPEED, ("use_lead_report", False)), lead="the truth"
@@ -77,6 +78,11 @@ def _groups(extent: Extent, recorded: bool) -> dict[str, list[Run]]:
             run
             for signal, value in plan.RAMPS.items()
             for run in plan.spread("ramp", ((signal, value),), drive, (1,), plan.RAMP_LENGTH)
+        ],
+        "a host speed that slips": [
+            run
+            for signal, value in plan.SLIPS.items()
+            for run in plan.spread("ramp", ((signal, value),), drive, (1,))
         ],
         "healthy": [
             *(Run(name, 1) for name in ("cut-in", "bumps", "hill", *HILLY[:6])),

@@ -35,6 +35,9 @@ OFFSETS = {
 RAMPS = {"clearance": 0.5, "relative_velocity": 0.5, "acceleration": 0.5}
 """Ramps in m/s, m/s^2 and m/s^3."""
 
+SLIPS = {"host_speed": 3.0}
+"""Ramp in m/s^2 of the speed of wheels that spin or lock."""
+
 RAMP_LENGTH, LONG_LENGTH = 8.0, 8.0
 """Seconds of a ramp, and of a fault that nothing but coasting tells to its end."""
 

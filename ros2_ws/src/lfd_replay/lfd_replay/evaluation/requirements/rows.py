@@ -32,7 +32,7 @@ VALUES_OF_KIND = {
     "hold": dict.fromkeys(MEASURED),
     "zero": dict.fromkeys(MEASURED),
     "dropout": dict.fromkeys(MEASURED),
-    "ramp": plan.RAMPS,
+    "ramp": {**plan.RAMPS, **plan.SLIPS},
     "gain": dict.fromkeys(JUDGED, 1.3),
     "noise": {"clearance": 0.56, "relative_velocity": 0.23, "acceleration": 0.8},
     "delay": dict.fromkeys(JUDGED, 0.5),
@@ -139,7 +139,7 @@ def _real_leads(extent: Extent) -> Iterator[Row]:
         yield Row(f"real leads: {signal} +-2, rebuilt", plan.as_driven(runs), REBUILT_RECORDED)
     for kind, judge in JUDGES.items():
         for signal, value in VALUES_OF_KIND[kind].items():
-            length, signed = _length_of(kind)
+            length, signed = _length_of(kind, signal)
             runs = plan.real(extent, kind, ((signal, value),), signed, length)
             as_elsewhere = partial(judges.judge_kind, as_elsewhere=judge)
             yield Row(f"real leads: {kind} {signal}", runs, as_elsewhere)
@@ -220,8 +220,8 @@ def _other_faults(extent: Extent) -> Iterator[Row]:
         judge = judges.judge_other
         if kind in JUDGES:
             judge = partial(judges.judge_kind, as_elsewhere=JUDGES[kind])
-        length, signed = _length_of(kind)
         for signal, value in by_signal.items():
+            length, signed = _length_of(kind, signal)
             values = ((signal, value),)
             runs = plan.spread(kind, values, extent.few, extent.seeds[:1], length, signed)
             yield Row(f"{kind} {signal}", runs, judge, (kind, signal))
@@ -294,7 +294,7 @@ def _one_signal_in_traffic(title: str, extent: Extent, sensor: str) -> Iterator[
     for kind, judge in {**JUDGES, "dropout": judges.judge_blame}.items():
         in_traffic_too = partial(judges.judge_kind_in_traffic, as_elsewhere=judge)
         for signal, value in VALUES_OF_KIND[kind].items():
-            length, signed = _length_of(kind)
+            length, signed = _length_of(kind, signal)
             values = ((signal, value),)
             runs = plan.faults_in_traffic(extent, kind, values, signed, length, sensor=sensor)
             yield Row(f"{title}: {kind} {signal}", runs, in_traffic_too)
@@ -322,9 +322,10 @@ def _once(extent: Extent) -> Extent:
     return replace(extent, seeds=extent.seeds[:1], healthy_seeds=extent.healthy_seeds[:1])
 
 
-def _length_of(kind: str) -> tuple[float, bool]:
+def _length_of(kind: str, signal: str) -> tuple[float, bool]:
     """Seconds of such a fault, and whether it goes either way."""
-    return (plan.RAMP_LENGTH, True) if kind == "ramp" else (LENGTH, False)
+    drifts = kind == "ramp" and signal in plan.RAMPS
+    return plan.RAMP_LENGTH if drifts else LENGTH, kind == "ramp"
 
 
 def _judge_outliers(judge: Judge, signal: str) -> None:

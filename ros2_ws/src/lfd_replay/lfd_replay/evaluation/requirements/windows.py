@@ -17,6 +17,7 @@ from lfd_mpc.samples import (
     UNKNOWN_TRACK,
     Sample,
     ScalarSample,
+    playing_order,
 )
 from lfd_mpc.settings import STEP_S
 from lfd_observer.settings import BankSettings
@@ -138,7 +139,8 @@ def _lead_says(run: Run) -> list[Sample]:
         return []
     truth = drive_truth(run.drive, run.peak)
     times = np.arange(LEAD_PERIOD, truth.time[-1], LEAD_PERIOD)
-    noise = np.random.default_rng(run.seed).normal(0.0, LEAD_NOISE, len(times))
+    generator = np.random.default_rng([run.seed, crc32(run.drive.encode())])
+    noise = generator.normal(0.0, LEAD_NOISE, len(times))
     said = np.interp(times - LEAD_DELAY, truth.time, truth.lead_acceleration) + noise
     if run.lead == "a lie":
         said += np.where(times > LIE_FROM, LIE, 0.0)
@@ -190,7 +192,7 @@ def look(run: Run, recorded: Path | None) -> tuple[dict[str, Seen], Array, Array
     zero = drive.zero
     samples = _with_mishaps(run, drive.samples)
     samples = [s for s in samples if run.host_speed or s.input != HOST_SPEED]
-    samples = sorted([*samples, *_lead_says(run)], key=lambda s: s.stamp)
+    samples = sorted([*samples, *_lead_says(run)], key=playing_order)
     faults = parse_faults(run.faults)
     faulty = FaultInjector(faults, zero, run.seed).apply(samples) if faults else samples
     seen = {}

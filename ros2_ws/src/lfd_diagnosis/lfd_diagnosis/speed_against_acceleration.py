@@ -1,0 +1,84 @@
+"""The host's speed against its accelerometer: whose is a change of their difference.
+
+A fault of the accelerometer changes what that says. Where the derivative of the speed alone
+changes, it is a road that bends while the car is driven on as before, or a speed that drifts, as
+that of wheels that slip.
+"""
+
+from math import isnan
+
+from lfd_diagnosis.acceleration_against_speed import (
+    GENTLE_SLOPE,
+    allowance_of,
+    difference,
+    lead_speaks_for,
+)
+from lfd_diagnosis.acceleration_jump import own_share, steps_since
+from lfd_diagnosis.acceleration_state import has_leapt
+from lfd_diagnosis.evidence import Ground, is_gauged
+from lfd_diagnosis.host_speed import believe_again, convict_drift, follow_drift, has_settled
+from lfd_diagnosis.repetition import is_beyond_chance
+from lfd_mpc.compiled import inner
+from lfd_mpc.settings import STEP_S
+
+NONE_OF_IT = 0.4
+"""Share of a change up to which the accelerometer made none of it, but for its noise."""
+
+SETTLED = 40
+"""Steps after which the derivative has followed what changed."""
+
+STILL = 0.5
+"""Share of the rate by which a speed drifted first that shows that it still does."""
+
+
+@inner
+def is_the_speeds(monitor):
+    """Whether what disagrees with the speed surely is none of the accelerometer's doing."""
+    check, repetition = monitor.check, monitor.repetition
+    if check.ground != Ground.HOST_SPEED or not is_gauged(check.kind):
+        return False
+    if has_leapt(monitor, check.residual) or is_beyond_chance(repetition, repetition.run):
+        # What is held feels nothing, either.
+        return False
+    return abs(own_share(monitor.jump, check.residual)) < NONE_OF_IT
+
+
+@inner
+def is_told(monitor):
+    """Whether by how much the speed's derivative changed is known by now; not while it says the
+    same, as one does that is held."""
+    return steps_since(monitor.jump) >= SETTLED and not monitor.speed.same
+
+
+@inner
+def seems_road(monitor, settings):
+    """Whether it may be the road that changed the derivative, as far as the lead does not tell."""
+    return abs(monitor.check.residual) <= settings.steepest_road and not lead_speaks_for(monitor)
+
+
+@inner
+def blame_speed(monitor, settings):
+    """The speed drifts by what the accelerometer differs by."""
+    off = monitor.check.residual
+    felt = own_share(monitor.jump, off) * off
+    since = steps_since(monitor.jump) * STEP_S
+    filter_time = settings.host_speed_filter_time
+    convict_drift(monitor.speed, -off, monitor.check.limit, felt, since, filter_time)
+
+
+@inner
+def hold_speed(monitor, settings):
+    """A speed that drifts: whether it still does, or it is the road, after all."""
+    speed = monitor.speed
+    if monitor.faulty or isnan(monitor.filtered) or not has_settled(speed, settings):
+        return
+    rate = monitor.slope - difference(monitor, settings)
+    if abs(rate) < STILL * abs(speed.because.first) + allowance_of(monitor, settings):
+        return
+    follow_drift(speed, rate, STEP_S)
+    is_road = abs(rate) <= settings.steepest_road
+    monitor.level_for = monitor.level_for + STEP_S if is_road else 0.0
+    if monitor.level_for >= GENTLE_SLOPE * settings.requalify_time:
+        # No speed drifts for so long.
+        monitor.slope -= rate
+        believe_again(speed)
