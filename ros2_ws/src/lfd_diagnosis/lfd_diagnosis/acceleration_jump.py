@@ -24,8 +24,9 @@ AROUND, NEAR, AT_ONCE_SHARE = 10, 3, 0.6
 divide best in which it may have come, and share of it that must have."""
 
 AFTER, BEFORE, JUST_NOW = 15, 75, 0.7
-"""Steps that are averaged after a change, steps until before it, and share of it that must have
-come meanwhile: a manoeuvre hides what the accelerometer made of it by a rare coincidence only."""
+"""Steps that are averaged after a change, most steps until before it, and share of it that must
+have come meanwhile: a manoeuvre hides what the accelerometer made of it by a rare coincidence
+only."""
 
 JUMP = np.dtype(
     [
@@ -131,8 +132,9 @@ def came_at_once(jump, change):
 def own_share(jump, change):
     """The share that the accelerometer made of what changed the differences by about `change`
     (m/s^2), zero where it was the derivative alone; NaN where that did not come just now."""
-    newest, oldest = BEFORE, BEFORE + LEAST_BEFORE
-    if jump.count < oldest:
+    oldest = min(BEFORE + LEAST_BEFORE, jump.count)
+    newest = oldest - LEAST_BEFORE
+    if newest < 2 * AFTER:
         return np.nan
     changed = _sum(jump, 0, AFTER) / AFTER - _sum(jump, newest, oldest) / LEAST_BEFORE
     if changed * change < JUST_NOW * change * change:

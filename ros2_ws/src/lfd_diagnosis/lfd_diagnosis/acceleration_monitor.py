@@ -38,9 +38,9 @@ from lfd_diagnosis.host_speed import (
     ROUGH_TIME,
     ROUGH_TIME_ALONE,
     SLOW,
-    drifts,
     is_road_calm,
     is_usable,
+    may_be_right,
 )
 from lfd_diagnosis.ring import is_full
 from lfd_diagnosis.road_bend import is_unproven, start_bend
@@ -145,7 +145,7 @@ def _hold_against_evidence(monitor, settings, usable, relative_velocity, lead_re
             monitor.reference = np.nan
         forget_baseline(monitor)
         monitor.felt = np.nan
-        if drifts(monitor.speed):
+        if may_be_right(monitor.speed):
             hold_speed(monitor, settings)
         _lose_slope(monitor, STILL_KNOWN)
         against_lead(monitor, settings, relative_velocity, lead_report)

@@ -4,7 +4,7 @@ from math import isfinite, isnan
 
 import numpy as np
 
-from lfd_diagnosis.evidence import BECAUSE, Ground, give_ground, repeats
+from lfd_diagnosis.evidence import BECAUSE, Ground, give_ground, is_gauged, repeats
 from lfd_diagnosis.noise import LEARNT_NOISE, deviation, learn_noise, start_noise
 from lfd_diagnosis.repetition import (
     REPETITION,
@@ -246,6 +246,12 @@ def drifts(speed):
 
 
 @inner
+def may_be_right(speed):
+    """Whether it is called faulty, but its derivative may be right by now."""
+    return speed.faulty and is_gauged(speed.kind)
+
+
+@inner
 def came_to_rest(speed):
     """Whether the car has just stopped, so that its derivative begins anew."""
     return speed.followed < 0.0
@@ -399,7 +405,7 @@ def follow_speed(speed, settings, now, at, value, acceleration, shaken):
         speed.seen_at = at
         if not (again or _doubt_jump(speed, at, value, acceleration)):
             _take(speed, settings, at, value, acceleration, shaken)
-    if speed.faulty and not drifts(speed):
+    if speed.faulty and not may_be_right(speed):
         _stop_following(speed)
         return
     filter_time = settings.host_speed_filter_time
@@ -585,8 +591,7 @@ def _check_jump(speed, value, period, acceleration, was_held):
     speed.off += jump
     if speed.faulty and (ends or abs(speed.off) <= limit):
         speed.off = 0.0
-    if drifts(speed):
-        _stop_following(speed)
+    _stop_following(speed)
     kind = Kind.HOLD if was_held else Kind.OFFSET
     if value == 0.0:
         kind = Kind.ZERO
@@ -612,9 +617,14 @@ def convict_drift(speed, rate, limit, felt, since, filter_time):
 
 
 @inner
+def doubt_again(speed):
+    """A faulty one still is wrong."""
+    speed.quiet = 0.0
+
+
+@inner
 def follow_drift(speed, rate, time):
     """One that drifts went on to do so by so many m/s^2 (`rate`) for so many s."""
-    speed.quiet = 0.0
     speed.off += rate * time
     speed.size = speed.off
     speed.size_std += DRIFT_DOUBT * time

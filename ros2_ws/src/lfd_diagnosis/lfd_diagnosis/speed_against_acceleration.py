@@ -16,13 +16,24 @@ from lfd_diagnosis.acceleration_against_speed import (
 from lfd_diagnosis.acceleration_jump import own_share, steps_since
 from lfd_diagnosis.acceleration_state import has_leapt
 from lfd_diagnosis.evidence import Ground, is_gauged
-from lfd_diagnosis.host_speed import believe_again, convict_drift, follow_drift, has_settled
+from lfd_diagnosis.host_speed import (
+    believe_again,
+    convict_drift,
+    doubt_again,
+    drifts,
+    follow_drift,
+    has_settled,
+)
 from lfd_diagnosis.repetition import is_beyond_chance
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
 
-NONE_OF_IT = 0.4
-"""Share of a change up to which the accelerometer made none of it, but for its noise."""
+AGAINST_IT, NONE_OF_IT = -1.5, 0.4
+"""Shares of a change from and to which the accelerometer made none of it, but for its noise: wheels
+slip as the car brakes or speeds up, which is felt as well."""
+
+OWN_LEAP = 60
+"""Steps within which the accelerometer leapt where that made what is found now."""
 
 SETTLED = 40
 """Steps after which the derivative has followed what changed."""
@@ -37,10 +48,11 @@ def is_the_speeds(monitor):
     check, repetition = monitor.check, monitor.repetition
     if check.ground != Ground.HOST_SPEED or not is_gauged(check.kind):
         return False
-    if has_leapt(monitor, check.residual) or is_beyond_chance(repetition, repetition.run):
+    leapt = monitor.leapt_ago < OWN_LEAP and has_leapt(monitor, check.residual)
+    if leapt or is_beyond_chance(repetition, repetition.run):
         # What is held feels nothing, either.
         return False
-    return abs(own_share(monitor.jump, check.residual)) < NONE_OF_IT
+    return AGAINST_IT < own_share(monitor.jump, check.residual) < NONE_OF_IT
 
 
 @inner
@@ -68,14 +80,18 @@ def blame_speed(monitor, settings):
 
 @inner
 def hold_speed(monitor, settings):
-    """A speed that drifts: whether it still does, or it is the road, after all."""
+    """A faulty speed that may be right by now: whether it agrees with the accelerometer, or it is
+    the road that does not, after all."""
     speed = monitor.speed
     if monitor.faulty or isnan(monitor.filtered) or not has_settled(speed, settings):
         return
     rate = monitor.slope - difference(monitor, settings)
-    if abs(rate) < STILL * abs(speed.because.first) + allowance_of(monitor, settings):
+    limit = STILL * abs(speed.because.first) if drifts(speed) else settings.acceleration_limit
+    if abs(rate) < limit + allowance_of(monitor, settings):
         return
-    follow_drift(speed, rate, STEP_S)
+    doubt_again(speed)
+    if drifts(speed):
+        follow_drift(speed, rate, STEP_S)
     is_road = abs(rate) <= settings.steepest_road
     monitor.level_for = monitor.level_for + STEP_S if is_road else 0.0
     if monitor.level_for >= GENTLE_SLOPE * settings.requalify_time:
