@@ -26,7 +26,9 @@ from lfd_mpc.errors import UserError
 from lfd_mpc.messages import from_message
 from lfd_msgs.msg import VehicleTruth
 from lfd_observer.observer_node import ObserverNode
+from lfd_replay.drive_bag import write_drive
 from lfd_replay.faults import parse_faults
+from lfd_replay.generated.generate import generate_drive
 from lfd_replay.profiles import graph_settings
 from lfd_vehicle.closed_loop import ClosedLoop
 from lfd_vehicle.closed_loop_evaluation import (
@@ -276,6 +278,21 @@ def test_simulate_writes_over_nobody_elses_bag(tmp_path) -> None:
     done = simulate("--lead", LEAD, "--out", str(tmp_path))
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
     assert [path.name for path in (tmp_path / "bag").iterdir()] == ["own.mcap"]
+
+
+@pytest.mark.parametrize("left", ["bag", "summary.json", "report.html", "watch.html"])
+def test_simulate_writes_nothing_over_the_lead_that_it_reads(
+    left: str, monkeypatch, tmp_path: Path
+) -> None:
+    """Run twice with the first run's bag as the lead, that bag was gone; one linked to, too."""
+    monkeypatch.setattr("lfd_bringup.simulate.ros_started", None)
+    recording, out = tmp_path / "drive.mcap", tmp_path / "out"
+    write_drive(generate_drive("data-3", 0, "esr"), recording)
+    out.mkdir()
+    (out / left).symlink_to(recording)
+    with pytest.raises(UserError, match=f"out/{left}: would be written over .*drive.mcap"):
+        main_simulate(["--lead", str(recording), "--out", str(out)])
+    assert [path.name for path in out.iterdir()] == [left]
 
 
 def test_a_fault_after_the_end_is_told_of_before_anything_is_run(

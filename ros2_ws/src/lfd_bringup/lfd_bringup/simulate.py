@@ -19,6 +19,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from lfd_bringup.recorder import LOOP_TOPICS, RecorderNode
 from lfd_bringup.replay import (
     GRAPH,
+    LEFT,
     drain,
     event_line,
     graph_nodes,
@@ -45,13 +46,16 @@ from lfd_replay.command_line import (
 from lfd_replay.drive_bag import refuse_others_bag
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
-from lfd_replay.paths import make_folder, named_path
+from lfd_replay.paths import make_folder, named_path, refuse_to_overwrite
 from lfd_replay.player import refuse_others, settle
 from lfd_replay.score import score, shown, timeline
 from lfd_replay.text_file import write_text
 from lfd_vehicle.lead import lead_plan
 from lfd_vehicle.safety import Safety, safety_of
 from lfd_vehicle.vehicle_node import LOOP_NODES, VehicleNode
+
+WATCH_PAGE = "watch.html"
+"""What a simulation leaves beside what a replay does."""
 
 DEFAULT_LEAD = "20,-3@15-20,2@30-36"
 DEFAULT_FAULT = "offset:clearance=4,relative_velocity=10@15.5-25"
@@ -111,6 +115,9 @@ def main_simulate(arguments: list[str]) -> int:
         texts = [DEFAULT_FAULT]
     faults = parse_faults(texts)
     lead = lead_plan(lead_text)
+    if lead.recording is not None:
+        for name in (*LEFT, WATCH_PAGE):
+            refuse_to_overwrite(options.out / name, [lead.recording])
     make_folder(options.out)
     refuse_others_bag(options.out / "bag")
 
@@ -213,7 +220,7 @@ def _leave(
     sensors = shown(line, faults)
     title = f"closed loop behind {lead}"
     report = write_report(out, title, Recording(steps, 0, faults), sensors, profile)
-    page = write_watch_page(out / "bag", out / "watch.html", faults)
+    page = write_watch_page(out / "bag", out / WATCH_PAGE, faults)
     print_table(result_table(sensors, f"{len(steps)} steps"))
     _print_safety(safety, console)
     console.print(f"bag: {out / 'bag'}   report: {report}   to watch: {page}", highlight=False)

@@ -6,7 +6,7 @@
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 
@@ -49,6 +49,7 @@ class LeadPlan:
     """What a lead does over `duration` s: `acceleration` (m/s^2) every 10 ms from `speed` (m/s).
 
     `grade` of the road every 10 ms, `changes` of the lead, and times of `bumps` in s.
+    `recording`: what it was read from, None where it was made up.
     """
 
     name: str
@@ -57,6 +58,7 @@ class LeadPlan:
     grade: Array
     changes: tuple[Change, ...] = ()
     bumps: tuple[float, ...] = ()
+    recording: Path | None = None
 
     @property
     def duration(self) -> float:
@@ -112,8 +114,8 @@ def lead_plan(text: str) -> LeadPlan:
         return _generated(text, name, peak)
     if re.fullmatch(rf"\s*{_NUMBER}\s*(,.*)?", text):
         return _in_steps(text)
-    if Path(text).exists():
-        return recorded_lead(read_drive(Path(text)))
+    if (path := Path(text)).exists():
+        return replace(recorded_lead(read_drive(path)), recording=path)
     raise UserError(
         f"lead '{text}': no file, no generated lead ({', '.join(NAMES[:8])}, normal-01 to "
         f"normal-27), and no steps ({GRAMMAR})"
