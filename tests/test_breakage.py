@@ -16,6 +16,7 @@ import time
 from collections import deque
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,9 +28,11 @@ from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import LivelinessPolicy, QoSProfile
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Nodetype
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu
 from std_msgs.msg import String
+from test_adapters import bus_arguments
 from test_live_equals_offline import drive
 
 from lfd_diagnosis.diagnosis_node import DiagnosisNode
@@ -54,10 +57,18 @@ from lfd_msgs.msg import (
 )
 from lfd_observer.observer_node import ObserverNode
 from lfd_replay.drive import Drive
-from lfd_replay.drive_bag import write_drive
+from lfd_replay.drive_bag import typestore, write_drive
+from lfd_replay.host_adapter import TOPICS, HostAdapterNode
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.player import PlayerNode, PlayOptions
 from lfd_replay.profiles import graph_settings
+from lfd_replay.radar_adapter import RadarAdapterNode
+from lfd_replay.recordings.recorded_messages import (
+    CAN_FRAME,
+    ESR_STATUS_4,
+    ESR_TRACK,
+    RADAR_TRACKS,
+)
 from ros_support import REPLAY_ARGUMENTS, ROOT, Graph, next_domain, run
 
 SOAK = os.environ.get("LFD_SOAK") == "1"
@@ -519,6 +530,62 @@ def test_fuzzed_horizons_and_banks_never_end_a_node_or_pass_for_healthy(capfd, p
             "observer_node",
         )
         assert judged > 0 and int(refused) > 0
+
+
+class CarFuzzer(Fuzzer):
+    """Messages of cars with fields as their definitions have them, whose packages are not here."""
+
+    def of_type(self, message_type: str) -> SimpleNamespace:
+        """A message with random values; a stamp may be any that the message has room for."""
+        fields = typestore().get_msgdef(message_type).fields
+        made = SimpleNamespace(**{name: self._value(*kind) for name, kind in fields})
+        if hasattr(made, "header") and self.rng.random() < 0.9:
+            made.header.stamp = self.stamp()
+        return made
+
+    def _value(self, node: Nodetype, of):
+        if node == Nodetype.NAME:
+            return self.of_type(of)
+        if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            kind, length = of
+            return [self._value(*kind) for _ in range(length or self.rng.randrange(4))]
+        name = of[0]
+        if name.startswith("float"):
+            return self.rng.choice((self.number(), 10 ** self.rng.uniform(-3.0, 308.0)))
+        if name == "string":
+            return ""
+        if name == "bool":
+            return self.rng.random() < 0.5
+        bits = int(name.lstrip("uint"))
+        low, high = (
+            (0, 2**bits - 1) if name[0] == "u" else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+        )
+        return self.rng.choice((low, high, self.rng.randrange(low, high + 1), min(3, high)))
+
+
+def test_no_message_of_a_car_ends_an_adapter(capfd) -> None:
+    fuzzer = CarFuzzer(3)
+    with Graph() as graph:
+        graph.add(host := HostAdapterNode(context=graph.context))
+        # Its topics are of packages that need not be installed; what they carry it takes as well.
+        arguments = bus_arguments(can_channel="lfd-fuzzed")
+        graph.add(radar := RadarAdapterNode(context=graph.context, cli_args=arguments))
+        for _ in range(100_000 if SOAK else 3_000):
+            kind = fuzzer.rng.choice((ESR_TRACK, ESR_STATUS_4, RADAR_TRACKS, CAN_FRAME))
+            message = fuzzer.of_type(kind)
+            if kind == CAN_FRAME and fuzzer.rng.random() < 0.7:
+                message.id, message.dlc = 0x4E0 + fuzzer.rng.randrange(0x70), 8
+            elif kind == ESR_TRACK:
+                message.id = 1 + message.id % 64
+            radar._on_message(kind, message)
+            _, kind = fuzzer.rng.choice(list(TOPICS.values()))
+            host._on_message(kind, fuzzer.of_type(kind))
+            # How the host moves bends the path in which the lead is sought.
+            for kind in ("geometry_msgs/msg/TwistStamped", "sensor_msgs/msg/Imu"):
+                deque(radar._converter.push(kind, fuzzer.of_type(kind), 0), maxlen=0)
+        counts = {what: count for what, count in radar._converter.counts.items() if count}
+        figures(capfd, f"fuzzed messages of cars: {counts}")
+        assert counts["tracks with an impossible position or rate"] > 0
 
 
 # --- 3. clock trouble

@@ -25,7 +25,7 @@ from lfd_replay.evaluate import main_evaluate
 from lfd_replay.import_drive import main_import
 from lfd_replay.read_drive import read_drive
 from lfd_replay.recordings.can_log import HostSignals, read_can_streams
-from lfd_replay.recordings.esr import EsrDecoder, database
+from lfd_replay.recordings.esr import EsrDecoder, database, esr_track
 from lfd_replay.recordings.lead_selection import Track
 
 MS = 1_000_000
@@ -287,3 +287,9 @@ def test_a_file_of_another_kind_is_refused(name: str, tmp_path: Path, capsys) ->
 def test_the_track_of_the_decoder_is_the_selector_s() -> None:
     (scan,) = run(EsrDecoder(), scan_frames(0.0, 0, {3: {"STATUS": 3, "RANGE": 10.0}}))
     assert scan.tracks == (Track(3, 10.0, -0.0, 0.0),)
+
+
+@pytest.mark.parametrize("angle", [math.inf, -math.inf, math.nan])
+def test_an_angle_that_is_no_number_is_no_position(angle: float) -> None:
+    track = esr_track(1, 3, 30.0, angle, 0.0)
+    assert track is not None and not track.is_possible

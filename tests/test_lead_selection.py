@@ -1,7 +1,9 @@
 """Which of many tracks is the lead."""
 
+from collections import Counter
 from collections.abc import Iterator
-from math import isnan
+from dataclasses import replace
+from math import inf, isnan, nan
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,8 @@ class Drive:
     """Feeds scans to a selector."""
 
     def __init__(self, **host) -> None:
-        self.selector, self.host, self.stamp = LeadSelector(), host, 0
+        self.counts: Counter[str] = Counter()
+        self.selector, self.host, self.stamp = LeadSelector(self.counts), host, 0
 
     def see(self, *tracks: Track, times: int = 1, **more) -> RadarSample:
         for _ in range(times):
@@ -65,6 +68,23 @@ def test_duplicates_of_one_car_do_not_swap() -> None:
     assert seen == {40.0}
     sample = drive.see(track(2, 39.4), times=3)
     assert sample.track_id == 1 and sample.clearance == 39.4, "the same car under another number"
+
+
+@pytest.mark.parametrize("number", [nan, inf, -inf, 1e6, 1e155, 1e200, -1e308])
+@pytest.mark.parametrize("of", ["clearance", "lateral", "relative_velocity"])
+def test_a_track_that_cannot_be_is_left_out_and_counted(of: str, number: float) -> None:
+    """The square of such a clearance is more than a number can be, and ended the adapter."""
+    drive = Drive(host_speed=10.0, yaw_rate=0.001)
+    drive.see(track(1, 40), times=5)
+    odd = replace(track(2, 20), **{of: number})
+    for more in ({}, {"in_path": 1}):
+        sample = drive.see(odd, track(1, 40), times=CONFIRMED, **more)
+        assert (sample.clearance, sample.track_id) == (40, 1)
+    assert isnan(drive.see(odd, in_path=2).clearance), "named by the radar, it is none, too"
+    said = {"tracks with an impossible position or rate": 2 * CONFIRMED + 1}
+    assert +drive.counts == said
+    drive.see(replace(odd, measured=False))
+    assert +drive.counts == said, "what is not measured may say anything"
 
 
 def test_a_coasted_lead_is_waited_for_and_is_no_measurement() -> None:

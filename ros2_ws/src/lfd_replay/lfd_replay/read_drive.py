@@ -213,7 +213,7 @@ def read_as_recorded(
     if kind == BAG:
         return read_bag_streams(path, options.topics, mounting, options.host)
     if kind == SEGMENT:
-        return read_segment_streams(path, mounting), []
+        return read_segment_streams(path, mounting)
     if kind == CAN_LOG:
         return read_can_streams(path, options.host)
     return read_csv_streams(path, options.mapping, replaced)

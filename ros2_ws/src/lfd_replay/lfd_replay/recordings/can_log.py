@@ -110,10 +110,10 @@ class CanDrive:
         Raises UserError for a DBC file or signal that is not there.
         """
         self._esr = EsrDecoder()
-        self._selector = LeadSelector()
         self._host = {} if host is None else _host_signals(host)
         self._motion = motion or HostMotion()
         self.counts = self._esr.counts
+        self._selector = LeadSelector(self.counts)
 
     def push(self, frame: Frame) -> Iterator[Sample]:
         """Take one frame; gives the samples that it completes."""

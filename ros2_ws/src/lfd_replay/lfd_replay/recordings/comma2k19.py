@@ -6,6 +6,7 @@ two unused columns, the track's address, and whether it is a new track. The wind
 accelerometer gives forward, right and down.
 """
 
+from collections import Counter
 from math import isfinite
 from pathlib import Path
 
@@ -37,12 +38,18 @@ def is_segment(path: Path) -> bool:
     return (path / LOG).is_dir() or (path / "CAN").is_dir()
 
 
-def read_segment_streams(path: Path, mounting: Mounting) -> dict[str, list[Sample]]:
-    """The streams of a segment. Raises UserError where a log is missing or damaged."""
+def read_segment_streams(
+    path: Path, mounting: Mounting
+) -> tuple[dict[str, list[Sample]], list[str]]:
+    """The streams of a segment, and what is to be said of it.
+
+    Raises UserError where a log is missing or damaged.
+    """
     folder = path / LOG if (path / LOG).is_dir() else path
+    counts: Counter[str] = Counter()
     speed_time, speed = _log(folder, SPEED, 1)
     streams: dict[str, list[Sample]] = {
-        RADAR: _radar(folder, mounting, speed_time, speed[:, 0]),
+        RADAR: _radar(folder, mounting, speed_time, speed[:, 0], counts),
         HOST_SPEED: [
             ScalarSample(HOST_SPEED, in_nanoseconds(t), float(v))
             for t, v in zip(speed_time, speed[:, 0], strict=True)
@@ -56,12 +63,14 @@ def read_segment_streams(path: Path, mounting: Mounting) -> dict[str, list[Sampl
             ScalarSample(ACCELERATION, in_nanoseconds(t), mounting.forward(x, -y, -z))
             for t, (x, y, z) in zip(time, felt[:, :3].tolist(), strict=True)
         ]
-    return streams
+    return streams, [f"{count} {what}" for what, count in counts.items() if count]
 
 
-def _radar(folder: Path, mounting: Mounting, speed_time: Array, speed: Array) -> list[Sample]:
+def _radar(
+    folder: Path, mounting: Mounting, speed_time: Array, speed: Array, counts: Counter[str]
+) -> list[Sample]:
     time, tracks = _log(folder, RADAR_TRACKS, ADDRESS + 1)
-    selector, motion, samples = LeadSelector(), HostMotion(), []
+    selector, motion, samples = LeadSelector(counts), HostMotion(), []
     yaw_time, yaw = np.empty(0), np.empty(0)
     if _there(folder, YAW) is not None:
         yaw_time, gyro = _log(folder, YAW, 3)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib.resources import files
-from math import cos, radians, sin
+from math import cos, isfinite, nan, radians, sin
 from typing import TYPE_CHECKING, Any
 
 from lfd_mpc.samples import RadarSample
@@ -80,7 +80,8 @@ def esr_track(number: int, status: int, distance: float, angle: float, rate: flo
     """
     if status == EMPTY:
         return None
-    beam = radians(angle)
+    # Nobody knows the cosine of infinity; the selector leaves out what is no number.
+    beam = radians(angle) if isfinite(angle) else nan
     measured = status not in NOT_MEASURED
     return Track(number, distance * cos(beam), -distance * sin(beam), rate, measured)
 

@@ -12,6 +12,7 @@
    scan then holds no measurement, and that is no change of lead. After it the next one is chosen.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
@@ -36,6 +37,9 @@ CONFIRMED = 3
 PATIENCE_NS = 500_000_000
 """How long a lead that is not measured is waited for."""
 
+NO_MEASUREMENT = 1e6
+"""m and m/s from which a number of a track is none that a radar measures, whatever its unit."""
+
 SAME_CLEARANCE, SAME_VELOCITY = 2.5, 1.5
 """Two tracks are one car when they differ by less, in m and m/s."""
 
@@ -54,6 +58,12 @@ class Track:
     relative_velocity: float
     measured: bool = True
     moving: bool | None = None
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether a radar may have measured that: each number is one, and not absurd."""
+        numbers = (self.clearance, self.lateral, self.relative_velocity)
+        return all(abs(number) < NO_MEASUREMENT for number in numbers)
 
 
 @dataclass
@@ -77,7 +87,9 @@ class HostMotion:
 class LeadSelector:
     """The rule above, scan after scan."""
 
-    def __init__(self) -> None:
+    def __init__(self, counts: Counter[str] | None = None) -> None:
+        """`counts` is where tracks are noted that are left out."""
+        self._counts: Counter[str] = Counter() if counts is None else counts
         self._lead: Track | None = None
         self._seen = 0
         self._track_id = 0
@@ -98,7 +110,11 @@ class LeadSelector:
         `host_speed` in m/s and `yaw_rate` in rad/s, positive to the left; `in_path` is the number
         of the track that the radar takes for the lead, 0 = none, None = it does not say.
         """
-        measured = [t for t in tracks if t.measured and t.clearance > 0.0]
+        said = [t for t in tracks if t.measured]
+        # As of one whose rolling count is stuck: a single odd track costs nobody the scan.
+        possible = [t for t in said if t.is_possible]
+        self._counts["tracks with an impossible position or rate"] += len(said) - len(possible)
+        measured = [t for t in possible if t.clearance > 0.0]
         if self._lead is not None and not -PATIENCE_NS <= stamp - self._seen <= PATIENCE_NS:
             self._lead = None
         if in_path is None:

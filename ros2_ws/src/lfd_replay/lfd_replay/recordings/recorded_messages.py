@@ -22,6 +22,7 @@ from lfd_mpc.samples import (
     Sample,
     ScalarSample,
 )
+from lfd_replay.drive import LATEST
 from lfd_replay.recordings.can_log import CanDrive, Frame, HostSignals
 from lfd_replay.recordings.esr import ScanAssembler, esr_track, select_lead
 from lfd_replay.recordings.lead_selection import HostMotion, LeadSelector, Track
@@ -94,7 +95,7 @@ class MessageConverter:
         self._motion = HostMotion()
         self._can = CanDrive(host, self._motion)
         self.counts: Counter[str] = self._can.counts
-        self._selector = LeadSelector()
+        self._selector = LeadSelector(self.counts)
         self._assembler = ScanAssembler(self.counts)
         self._converters: dict[str, Callable[[Any, int], Iterable[Sample]]] = {
             "lfd_msgs/msg/RadarTarget": self._radar_target,
@@ -115,6 +116,10 @@ class MessageConverter:
         """Take a message of a type in `TYPES` or `HOST_FRAME`, received at `received` (ns)."""
         header = message.header.stamp
         stamp = header.sec * 1_000_000_000 + header.nanosec
+        if stamp >= LATEST * 1_000_000_000:
+            # Its nanoseconds are more than a second of them, in the last seconds that there are.
+            self.counts["messages without a possible stamp"] += 1
+            return ()
         if not stamp and received:
             self.counts["messages without a stamp count as stamped when they were received"] += 1
         return self._converters[message_type](message, stamp or received)
