@@ -6,11 +6,13 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from esr_frames import candump, scan_frames
 from rich.table import Table
+from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -23,11 +25,12 @@ from lfd_mpc.samples import (
     RADAR,
     UNKNOWN_TRACK,
     RadarSample,
+    Sample,
     ScalarSample,
 )
 from lfd_replay.calibrate import main_calibrate
 from lfd_replay.command_line import CountingProgress, print_table, result_table
-from lfd_replay.drive import make_drive, playing_times
+from lfd_replay.drive import make_drive, playing_times, streams_of
 from lfd_replay.drive_bag import sample_message, typestore, write_drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
@@ -171,6 +174,50 @@ def test_a_written_drive_is_one_file_that_gives_back_every_sample(tmp_path: Path
     write_drive(drive, tmp_path / "new" / "out.mcap")
     assert read_drive(tmp_path / "new" / "out.mcap").samples == drive.samples
     assert [p.name for p in (tmp_path / "new").iterdir()] == ["out.mcap"]
+
+
+def loop(begin: float) -> list[Sample]:
+    """Two seconds of a drive from a time in s on."""
+    stamps = [round(begin * 1e9) + number * 10_000_000 for number in range(200)]
+    seen = [RadarSample(s, True, 30.0 + 1e-9 * (s % 10**9), 0.1, 1) for s in stamps[::5]]
+    felt = [ScalarSample(ACCELERATION, s, 1e-9 * (s % 10**9)) for s in stamps]
+    driven = [ScalarSample(HOST_SPEED, s, 20.0) for s in stamps[::2]]
+    return [*make_drive("loop", {RADAR: seen, ACCELERATION: felt, HOST_SPEED: driven}).samples]
+
+
+@pytest.mark.parametrize("begins", [(100.0,), (100.0, 100.0), (100.0, 98.5, 300.0, 100.0)])
+@pytest.mark.parametrize("odd", [None, 0.95, 0.2, -0.3, -4.0, 3600.0])
+def test_a_drive_whose_time_goes_back_reads_back_as_it_is(
+    begins: tuple[float, ...], odd: float | None, tmp_path: Path
+) -> None:
+    """Logged at its stamps a looped drive had half of its steps, those of all loops in turn."""
+    streams = streams_of(sample for begin in begins for sample in loop(begin))
+    if odd is not None:
+        for name, number in ((RADAR, 20), (ACCELERATION, 110)):
+            stamp = streams[name][number].stamp + round(odd * 1e9)
+            streams[name][number] = replace(streams[name][number], stamp=stamp)
+    drive = make_drive("looped", streams)
+    write_drive(drive, tmp_path / "looped.mcap")
+    again = read_drive(tmp_path / "looped.mcap")
+    assert again.samples == drive.samples
+    write_drive(again, tmp_path / "again.mcap")
+    assert (tmp_path / "again.mcap").read_bytes() == (tmp_path / "looped.mcap").read_bytes()
+
+
+def test_a_drive_is_logged_at_its_stamps(tmp_path: Path) -> None:
+    write_drive(make_drive("once", streams_of(loop(100.0))), tmp_path / "once.mcap")
+    with AnyReader([tmp_path / "once.mcap"]) as reader:
+        logged = [at for _, at, _ in reader.messages()]
+    assert logged == [sample.stamp for sample in loop(100.0)]
+
+
+def test_a_time_below_zero_within_a_drive_is_one_wrong_stamp(tmp_path: Path) -> None:
+    """It ended import_drive as no log time can be below zero; evaluate takes such a drive."""
+    streams = streams_of(loop(100.0))
+    streams[RADAR][20] = replace(streams[RADAR][20], stamp=-3_000_000_000)
+    drive = make_drive("odd", streams)
+    write_drive(drive, tmp_path / "odd.mcap")
+    assert read_drive(tmp_path / "odd.mcap").samples == drive.samples
 
 
 def test_the_case_of_a_suffix_does_not_matter(tmp_path: Path, capsys) -> None:

@@ -3,7 +3,7 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -18,7 +18,7 @@ from rosbags.typesys.store import Typestore
 
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, LEAD_ACCELERATION, RADAR, RadarSample, Sample
-from lfd_replay.drive import Drive
+from lfd_replay.drive import Drive, playing_times
 from lfd_replay.errors import DISK_FULL, WrongOption
 from lfd_replay.paths import share_folder
 from lfd_replay.recordings.can_log import HostSignals
@@ -277,8 +277,24 @@ def sample_message(sample: Sample) -> tuple[str, str, Any]:
     return topic, msgtype, message
 
 
+def _log_times(samples: Sequence[Sample]) -> list[int]:
+    """When each sample is logged, in ns: at its stamp, and later than what its topic says before.
+
+    Readers go by that time: where stamps go back it goes on, or loops would lie in each other.
+    """
+    last: dict[str, int] = {}
+    times = []
+    for sample, elapsed in zip(samples, playing_times(samples), strict=True):
+        time = max(samples[0].stamp + elapsed, last.get(sample.input, -1) + 1)
+        last[sample.input] = time
+        times.append(time)
+    return times
+
+
 def write_drive(drive: Drive, out: Path) -> None:
-    """Write a drive as one MCAP file; log time is the stamp. Nothing half-written is left.
+    """Write a drive as one MCAP file that reads back as it is. Nothing half-written is left.
+
+    Log time is the stamp, as long as time goes on.
 
     Raises UserError for a name that is not `.mcap` and where nothing can be written.
     """
@@ -289,7 +305,8 @@ def write_drive(drive: Drive, out: Path) -> None:
             f"{drive.name}: begins at {drive.samples[0].stamp * 1e-9:.3f} s; a bag holds no time "
             "below 0"
         )
-    rows = ((sample.stamp, *sample_message(sample)) for sample in drive.samples)
+    times = _log_times(drive.samples)
+    rows = ((at, *sample_message(s)) for at, s in zip(times, drive.samples, strict=True))
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=out.parent, prefix=".writing-") as folder:
