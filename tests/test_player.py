@@ -20,7 +20,7 @@ from lfd_mpc.horizon import Mpc
 from lfd_mpc.mpc_node import MpcNode
 from lfd_mpc.node_process import joined
 from lfd_mpc.node_support import PIPELINE_QOS
-from lfd_mpc.samples import ACCELERATION
+from lfd_mpc.samples import ACCELERATION, RADAR
 from lfd_mpc.sampling import Sampler
 from lfd_mpc.settings import MpcSettings
 from lfd_msgs.msg import FaultReport, PredictionHorizon
@@ -30,7 +30,7 @@ from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
 from lfd_replay.lockstep import LockstepError, horizon_difference
 from lfd_replay.player import GRAPH_NODES, PlayerNode, PlayOptions, played, samples_to_play
-from lfd_replay.read_drive import DRIVE_HELP
+from lfd_replay.read_drive import DRIVE_HELP, read_drive
 from ros_support import LOCKSTEP, REPLAY_ARGUMENTS, Graph, next_domain
 
 LAUNCH = Path(__file__).parent.parent / "ros2_ws/src/lfd_bringup/launch/replay.launch.py"
@@ -253,6 +253,22 @@ def test_a_step_that_fails_loses_nothing_of_a_replay(monkeypatch, tmp_path: Path
         part = ["--start", "1", "--duration", "1"]
         assert main_replay([*arguments, *part], since) == 1, "its own bag is replaced"
     assert "short.mcap: 1.0 to 2.0 s of 3.0 s, profile" in capfd.readouterr().out
+
+
+def test_a_stamp_below_zero_loses_nothing_of_a_replay(monkeypatch, tmp_path: Path) -> None:
+    """A log time cannot be below zero: bag, summary and report were lost at the very end."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(next_domain()))
+    samples = drive(2.0)
+    number = next(i for i, s in enumerate(samples) if s.input == RADAR and s.stamp > 10**9)
+    samples[number] = replace(samples[number], stamp=-3_000_000_000)
+    write_drive(Drive("odd", samples), tmp_path / "odd.mcap")
+    out = tmp_path / "out"
+    with joined([]) as since:
+        arguments = ["--drive", str(tmp_path / "odd.mcap"), "--rate", "0", "--out", str(out)]
+        assert main_replay(arguments, since) == 0
+    assert {path.name for path in out.iterdir()} == {"bag", "report.html", "summary.json"}
+    recorded = read_drive(out / "bag").samples
+    assert sorted(s.stamp for s in recorded) == sorted(s.stamp for s in samples)
 
 
 def test_help_names_every_kind_of_drive(capsys) -> None:

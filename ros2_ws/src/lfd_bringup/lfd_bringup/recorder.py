@@ -107,7 +107,7 @@ class RecorderNode(Node):
         ]
 
     def write(self, folder: Path) -> tuple[int, int]:
-        """Write everything as a bag whose log time is each message's header stamp.
+        """Write everything as a bag whose log time is each message's header stamp, or 0 before it.
 
         Returns how many messages were written and how many there are: the disk may be full.
         Raises OSError where nothing can be written.
@@ -119,6 +119,7 @@ class RecorderNode(Node):
                 name = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
             for raw in self._raw[topic]:
                 stamp = from_time(deserialize_message(raw, kind).header.stamp)
-                rows.append((stamp, self.resolve_topic_name(topic), name, raw))
+                # No bag holds a log time below zero, and a wrong stamp must not lose all of it.
+                rows.append((max(stamp, 0), self.resolve_topic_name(topic), name, raw))
         rows.sort(key=lambda row: row[0])
         return write_what_fits(rows, folder), len(rows)
