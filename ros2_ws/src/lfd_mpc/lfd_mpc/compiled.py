@@ -5,16 +5,18 @@ changes as its first argument, as a method would. Functions that are called from
 of one record. Nodes, which take one step at a time, and evaluations, which take a drive at once,
 call the same functions.
 
-What was compiled is kept on disk until a source file of the algorithm changes. `LFD_CACHE` names
-the folder; without it, it is in the package, or in the user's cache where that cannot be written.
+What was compiled is kept on disk until a source file of the algorithm changes, or a library whose
+functions and constants are compiled in. `LFD_CACHE` names the folder; without it, it is in the
+package, or in the user's cache where that cannot be written.
 """
 
 import hashlib
 import os
 import sys
 from collections import namedtuple
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache, cached_property, partial, update_wrapper
+from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
@@ -50,48 +52,71 @@ def _numba() -> ModuleType:
 PACKAGES = ("lfd_mpc", "lfd_observer", "lfd_diagnosis", "lfd_replay", "lfd_vehicle")
 """Packages whose functions call each other; a change in one of them counts for all."""
 
-NOT_COMPILED = (
-    "_node.py",
-    "silence.py",
-    "pairing.py",
-    "reasons.py",
-    "sensor_health.py",
-    "fault_level.py",
-    "collector.py",
-    "__init__.py",
-    "health.py",
-    "messages.py",
-    "node_support.py",
-    "node_process.py",
-    "sensor_inputs.py",
-    "executables.py",
-    "starting.py",
-    "deadline.py",
-    "errors.py",
-    "qos_events.py",
-    "markers.py",
-    "driving.py",
-    "decision.py",
-    "following_model.py",
+LIBRARIES = ("numba", "numpy", "commonroad-vehicle-models")
+"""Whose functions and constants are compiled in; another version of one counts for all, too."""
+
+NOT_COMPILED = frozenset(
+    {
+        "__init__.py",
+        "collector.py",
+        "deadline.py",
+        "decision.py",
+        "decision_node.py",
+        "diagnosis_node.py",
+        "driving.py",
+        "errors.py",
+        "executables.py",
+        "fault_level.py",
+        "following_model.py",
+        "health.py",
+        "markers.py",
+        "messages.py",
+        "mpc_node.py",
+        "node_process.py",
+        "node_support.py",
+        "observer_node.py",
+        "pairing.py",
+        "qos_events.py",
+        "reasons.py",
+        "sensor_health.py",
+        "sensor_inputs.py",
+        "silence.py",
+        "starting.py",
+    }
 )
-"""Endings of names of files that nothing compiled depends on."""
+"""Names of files that nothing compiled depends on: no compiled function takes a value from them."""
+
+WITH_FEW = ("lfd_replay", "lfd_vehicle")
+"""Packages of which only files that compile something themselves count."""
 
 Function = TypeVar("Function", bound=Callable)
 
 
-def _sources_digest() -> str:
-    """Stands for the sources of all packages, and for what compiles them."""
-    digest = hashlib.sha256(f"{_numba().__version__} {np.__version__}".encode())
+def compiled_sources() -> Iterator[Path]:
+    """The files that what is compiled is made of, in an order that stays."""
     for package in PACKAGES:
         spec = find_spec(package)
         for folder in spec.submodule_search_locations or () if spec else ():
             for file in sorted(Path(folder).glob("*.py")):
-                text = file.read_bytes()
-                elsewhere = (
-                    package in ("lfd_replay", "lfd_vehicle") and b"lfd_mpc.compiled" not in text
-                )
-                if not elsewhere and not file.name.endswith(NOT_COMPILED):
-                    digest.update(file.name.encode() + text)
+                counts = package not in WITH_FEW or b"lfd_mpc.compiled" in file.read_bytes()
+                if counts and file.name not in NOT_COMPILED:
+                    yield file
+
+
+def _installed(library: str) -> str:
+    """A library's version; a machine that only judges may do without the vehicle's."""
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return "none"
+
+
+def _sources_digest() -> str:
+    """Stands for all that is compiled, and for what compiles it."""
+    libraries = " ".join(f"{library} {_installed(library)}" for library in LIBRARIES)
+    digest = hashlib.sha256(libraries.encode())
+    for file in compiled_sources():
+        digest.update(file.name.encode() + file.read_bytes())
     return digest.hexdigest()[:16]
 
 
