@@ -71,6 +71,18 @@ def test_columns_of_other_names_are_mapped_and_tracks_are_read(tmp_path: Path) -
     assert [s.track_id for s in drive.samples if s.input == RADAR] == [7]
 
 
+def test_ids_are_read_to_their_last_digit(tmp_path: Path) -> None:
+    """As floats 2^53 and 2^53 + 1 are one car."""
+    ids = [2**53, 2**53 + 1, -(2**63), 2**63 - 1, 7, 7, UNKNOWN_TRACK, UNKNOWN_TRACK]
+    texts = [*map(str, ids[:4]), "7.0", "+7e0", "", "nan"]
+    rows = (f"{0.05 * row:.2f},30,-1,15,0.1,{text}" for row, text in enumerate(texts))
+    path = csv(tmp_path, *rows, header=f"{HEADER},track_id")
+    drive = read_drive(path)
+    assert [s.track_id for s in drive.samples if s.input == RADAR] == ids
+    write_drive(drive, tmp_path / "ids.mcap")
+    assert read_drive(tmp_path / "ids.mcap").samples == drive.samples
+
+
 @pytest.mark.parametrize(
     ("name", "told"), [("track_addr", True), ("targetId", True), ("lateral_m", False)]
 )
@@ -339,7 +351,7 @@ MISTAKES = {
     "time in ns": (["ns.csv"], "line 2: the time 1.7e+18 s is out of range; t_s is in seconds"),
     "time in ms": (["ms.csv"], "the time 1.7e+12 s is out of range"),
     "time beyond numbers": (["far.csv"], "the time 1e+308 s is out of range"),
-    "track beyond 64 bits": (["track.csv"], "column 'track_id': 1e+30 is no track id"),
+    "track beyond 64 bits": (["track.csv"], "column 'track_id': 1e30 is no track id"),
     "half a track": (["half.csv"], "column 'track_id': 7.5 is no track id"),
     "open quote": (["open.csv"], "line 2: cannot be read as CSV"),
     "long open quote": (["long_open.csv"], "line 2: cannot be read as CSV"),

@@ -46,6 +46,11 @@ def _clipped(text: str) -> str:
     return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 3] + "..."
 
 
+def _as_others_read(text: str) -> str:
+    """Text of a number without what Python takes for one and nobody else does."""
+    return text.replace("_", "x")
+
+
 def _unreadable(path: Path, reason: str | None = None) -> UserError:
     return UserError(
         f"{path}: cannot be read ({reason or 'no text in UTF-8'}); a CSV drive in UTF-8 is expected"
@@ -131,6 +136,11 @@ class Table:
 
     def column(self, column: str) -> Iterator[float | None]:
         """Numbers of one column, None for a blank. Raises UserError for anything else."""
+        for line, text in self._cells(column):
+            yield self._number(column, line, text) if text else None
+
+    def _cells(self, column: str) -> Iterator[tuple[int, str]]:
+        """Line and text of each cell of one column. Raises UserError where it is not there."""
         own = self.mapping.get(column, column)
         if own not in self.header:
             raise UserError(f"{self.path}: column '{own}' is missing; there are: {self.there}")
@@ -141,17 +151,16 @@ class Table:
             )
         position = self.header.index(own)
         for line, row in zip(self._lines, self._rows, strict=True):
-            text = row[position].strip() if position < len(row) else ""
-            if not text:
-                yield None
-                continue
-            try:
-                # What Python takes for a number and nobody else does.
-                yield float(text.replace("_", "x"))
-            except ValueError:
-                raise UserError(
-                    f"{self.path}: line {line}, column '{own}': '{_clipped(text)}' is not a number"
-                ) from None
+            yield line, row[position].strip() if position < len(row) else ""
+
+    def _number(self, column: str, line: int, text: str) -> float:
+        try:
+            return float(_as_others_read(text))
+        except ValueError:
+            raise UserError(
+                f"{self.path}: line {line}, column '{self.mapping.get(column, column)}': "
+                f"'{_clipped(text)}' is not a number"
+            ) from None
 
     def stamps(self) -> list[int]:
         """Stamps in ns. Raises UserError where time is missing, not finite or decreases."""
@@ -195,18 +204,25 @@ class Table:
         """Track ids; UNKNOWN_TRACK where there is none. Raises UserError for no whole number."""
         if not self.has(TRACK):
             return [UNKNOWN_TRACK] * len(self._rows)
-        tracks: list[int] = []
-        for line, track in zip(self._lines, self.column(TRACK), strict=True):
-            if track is None or not isfinite(track):
-                tracks.append(UNKNOWN_TRACK)
-            elif track.is_integer() and -(2**63) <= track < 2**63:
-                tracks.append(int(track))
-            else:
-                raise UserError(
-                    f"{self.path}: line {line}, column '{self.mapping.get(TRACK, TRACK)}': "
-                    f"{track:g} is no track id; a whole number of 64 bits is expected"
-                )
-        return tracks
+        return [self._track(line, text) for line, text in self._cells(TRACK)]
+
+    def _track(self, line: int, text: str) -> int:
+        """The id in one cell, to its last digit: a float has 53 of its 64 bits."""
+        if not text:
+            return UNKNOWN_TRACK
+        try:
+            track: int | None = int(_as_others_read(text))
+        except ValueError:
+            number = self._number(TRACK, line, text)
+            if not isfinite(number):
+                return UNKNOWN_TRACK
+            track = int(number) if number.is_integer() else None
+        if track is None or not -(2**63) <= track < 2**63:
+            raise UserError(
+                f"{self.path}: line {line}, column '{self.mapping.get(TRACK, TRACK)}': "
+                f"{_clipped(text)} is no track id; a whole number of 64 bits is expected"
+            )
+        return track
 
 
 def scalar_stream(table: Table, column: str, name: str) -> list[Sample]:
