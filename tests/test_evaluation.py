@@ -13,10 +13,11 @@ import pytest
 
 from lfd_diagnosis.verdict import State
 from lfd_mpc.errors import UserError
-from lfd_mpc.samples import UNKNOWN_TRACK
-from lfd_replay.calibrate import main_calibrate
+from lfd_mpc.samples import ACCELERATION, RADAR, UNKNOWN_TRACK, RadarSample, ScalarSample
+from lfd_replay.calibrate import main_calibrate, with_noise
 from lfd_replay.check_requirements import main_check
 from lfd_replay.drawing.paper_figures import detector_curves
+from lfd_replay.drive import Drive, make_drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
 from lfd_replay.evaluation import campaign, comparison
@@ -324,6 +325,36 @@ def test_the_lead_and_the_radar_are_read_off_a_drive() -> None:
     noise = np.sqrt(fresh + 2.0 * radar.clearance_step**2 / 12.0)
     assert clearance == pytest.approx(noise, rel=0.15)
     assert radar.velocity_noise < velocity < 0.06
+
+
+def slow_drive(stretches: list[list[float]]) -> Drive:
+    """A lead in each stretch, with the seconds from scan to scan within it."""
+    times = np.cumsum([step for own in stretches for step in [5.0, *own]])
+    tracks = [number for number, own in enumerate(stretches) for _ in range(len(own) + 1)]
+    radar = [
+        RadarSample(round(time * 1e9), True, 30.0, float(np.sin(time)), track)
+        for time, track in zip(times, tracks, strict=True)
+    ]
+    stamps = range(0, round(times[-1] * 1e9), 100_000_000)
+    felt = [ScalarSample(ACCELERATION, stamp, 0.0) for stamp in stamps]
+    return make_drive("slow", {RADAR: radar, ACCELERATION: felt})
+
+
+@pytest.mark.parametrize(
+    "short",
+    [
+        pytest.param([1.0] * 3, id="four scans of one a second"),
+        pytest.param([0.01] * 6, id="scans of a moment"),
+    ],
+)
+def test_a_stretch_too_short_to_differentiate_tells_no_lead(short: list[float]) -> None:
+    """It ended calibrate."""
+    whole = slow_drive([[1.0] * 30])
+    lead = lead_acceleration(whole)
+    assert len(lead) == 31 and np.isfinite(lead).all()
+    assert len(lead_acceleration(slow_drive([[1.0] * 30, short]))) == 31
+    with pytest.raises(UserError, match="lead is followed for two seconds and 5 scans"):
+        with_noise(graph_settings("robust"), [slow_drive([[1.0] * 3] * 4)])
 
 
 def test_calibrate_writes_parameters_that_evaluate_and_nodes_take(tmp_path: Path, capfd) -> None:

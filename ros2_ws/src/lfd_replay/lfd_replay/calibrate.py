@@ -19,6 +19,7 @@ from lfd_replay.drive import Drive
 from lfd_replay.errors import run_command
 from lfd_replay.evaluation.detectors import counted_faults
 from lfd_replay.evaluation.normal_driving import (
+    LEAST_SCANS,
     IndexStatistics,
     index_statistics,
     lead_acceleration,
@@ -56,7 +57,10 @@ def with_noise(settings: GraphSettings, drives: list[Drive]) -> GraphSettings:
     """
     lead = np.concatenate([lead_acceleration(drive) for drive in drives])
     if not len(lead):
-        raise UserError("calibrate: in none of the drives a lead is followed for two seconds")
+        raise UserError(
+            "calibrate: in none of the drives a lead is followed for two seconds and "
+            f"{LEAST_SCANS} scans"
+        )
     clearance, velocity = scan_deviations(drives)
     motion = {
         "lead_acceleration_mean": round(float(lead.mean()), 4),

@@ -17,6 +17,9 @@ from lfd_replay.score import intervals
 SMOOTHING = 1.0
 """Window in s over which speeds are differentiated."""
 
+LEAST_SCANS = 5
+"""Scans over which speeds are differentiated at least, however slow the radar is."""
+
 COVERED = 0.9973
 """Share of all deviations within three standard deviations of a normal distribution."""
 
@@ -56,15 +59,21 @@ def lead_acceleration(drive: Drive) -> Array:
     """Acceleration of the lead in m/s^2, at the scans at which it can be told.
 
     From host speed plus relative velocity; without host speed, from the host's acceleration plus
-    the derivative of the relative velocity.
+    the derivative of the relative velocity. A stretch of fewer scans than these are smoothed over
+    tells none.
     """
     speed_time, speed = _series(drive, HOST_SPEED)
     host_time, host = _series(drive, ACCELERATION)
     found = [np.empty(0)]
     for part in following(drive):
-        time = np.linspace(part.time[0], part.time[-1], len(part.time))
+        count = len(part.time)
+        if count < LEAST_SCANS:
+            continue
+        time = np.linspace(part.time[0], part.time[-1], count)
         period = time[1] - time[0]
-        window = max(5, round(SMOOTHING / period)) | 1
+        window = max(LEAST_SCANS, round(SMOOTHING / period)) | 1
+        if count < window:
+            continue
         velocity = np.interp(time, part.time, part.relative_velocity)
         if len(speed):
             velocity = velocity + np.interp(time, speed_time, speed)
