@@ -1,6 +1,7 @@
 """The simulated vehicle: its model, its actuators, its lead and its sensors."""
 
 from dataclasses import replace
+from math import inf, nan
 
 import numpy as np
 import pytest
@@ -11,8 +12,9 @@ from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
 
 from lfd_mpc.compiled import entry
 from lfd_mpc.errors import UserError
-from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR
+from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample
 from lfd_mpc.settings import MpcSettings
+from lfd_replay.drive import Drive
 from lfd_replay.faults import parse_faults
 from lfd_replay.generated.car_following import Truth
 from lfd_replay.generated.generate import generate_drive
@@ -201,6 +203,42 @@ def test_a_recorded_lead_moves_as_the_recorded_one_did() -> None:
     without = [s for s in recorded.samples if s.input != HOST_SPEED]
     with pytest.raises(UserError, match="host speed"):
         recorded_lead(replace(recorded, samples=without))
+
+
+@pytest.mark.parametrize("odd", [nan, inf, -inf])
+def test_a_host_speed_that_is_no_number_costs_no_recorded_lead(odd: float) -> None:
+    recorded = generate_drive("data-3", 1, "esr")
+    samples = list(recorded.samples)
+    number = [i for i, s in enumerate(samples) if s.input == HOST_SPEED][100]
+    left_out = [*samples[:number], *samples[number + 1 :]]
+    samples[number] = replace(samples[number], value=odd)
+    own = recorded_lead(replace(recorded, samples=samples))
+    wanted = recorded_lead(replace(recorded, samples=left_out))
+    assert (own.acceleration == wanted.acceleration).all()
+
+
+def test_a_recorded_lead_must_be_there_for_most_of_the_time() -> None:
+    recorded = generate_drive("data-3", 1, "esr")
+    zero, end = recorded.zero, recorded.zero + round(recorded.duration * 1e9)
+
+    def seen(shares: tuple[float, float]) -> Drive:
+        """With an empty road from one share of the drive to another."""
+        first, last = (zero + share * (end - zero) for share in shares)
+        samples = [
+            replace(s, has_target=False, clearance=nan, relative_velocity=nan)
+            if isinstance(s, RadarSample) and first < s.stamp < last
+            else s
+            for s in recorded.samples
+        ]
+        return replace(recorded, samples=samples)
+
+    whole = len(recorded_lead(recorded).acceleration)
+    assert len(recorded_lead(seen((0.2, 0.6))).acceleration) == whole
+    # What comes before the lead and after it is not driven.
+    late = len(recorded_lead(seen((-0.1, 0.8))).acceleration)
+    assert late == pytest.approx(0.2 * whole, rel=0.05)
+    with pytest.raises(UserError, match=r"no lead for \d+\.\d of .* s .* 50% of that time"):
+        recorded_lead(seen((0.1, 0.9)))
 
 
 # --- the sensors

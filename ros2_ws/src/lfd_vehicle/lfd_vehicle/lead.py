@@ -38,6 +38,12 @@ LATEST = 3600.0
 SMOOTHED = 0.6
 """Seconds over which a recorded lead's speed is smoothed, as it is differentiated."""
 
+LONGEST_GAP = 2.0
+"""Seconds between two scans of a recorded lead beyond which nobody knows what it did."""
+
+LEAST_SEEN = 0.5
+"""Share of a recording, from the lead's first scan to its last one, in which it must be known."""
+
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)"
 _STEP = re.compile(rf"\s*({_NUMBER})@({_NUMBER})-({_NUMBER})\s*")
 
@@ -169,7 +175,8 @@ def _in_steps(text: str) -> LeadPlan:
 def recorded_lead(drive: Drive) -> LeadPlan:
     """The lead of a recording: host speed plus relative velocity, smoothed and differentiated.
 
-    Raises UserError where there is no host speed, or no lead for most of it.
+    From the lead's first scan to its last one, or to that of the host speed. Raises UserError where
+    there is no host speed, too little of both, or no lead for most of that time.
     """
     from scipy.ndimage import gaussian_filter1d
 
@@ -178,7 +185,9 @@ def recorded_lead(drive: Drive) -> LeadPlan:
         for scan in drive.samples
         if isinstance(scan, RadarSample) and scan.has_target and isfinite(scan.relative_velocity)
     ]
-    speeds = [(s.stamp, s.value) for s in drive.samples if s.input == HOST_SPEED]
+    speeds = [
+        (s.stamp, s.value) for s in drive.samples if s.input == HOST_SPEED and isfinite(s.value)
+    ]
     if len(speeds) < 2 or len(scans) < 2:
         raise UserError(f"lead '{drive.name}': host speed and a lead are needed to know the lead's")
     zero = scans[0][0]
@@ -188,8 +197,15 @@ def recorded_lead(drive: Drive) -> LeadPlan:
     host_stamps, host = np.array(speeds).T
     speed = np.interp(time, (stamps - zero) * 1e-9, velocity)
     speed += np.interp(time, (host_stamps - zero) * 1e-9, host)
-    if len(time) < 100 or not np.isfinite(speed).all():
+    if len(time) < 100:
         raise UserError(f"lead '{drive.name}': less than 1 s of a lead with host speed")
+    gaps = np.diff(stamps[stamps <= end]) * 1e-9
+    unseen, whole = gaps[gaps > LONGEST_GAP].sum(), time[-1]
+    if unseen > (1.0 - LEAST_SEEN) * whole:
+        raise UserError(
+            f"lead '{drive.name}': no lead for {unseen:.1f} of {whole:.1f} s from its first scan "
+            f"on; one that is seen for {LEAST_SEEN:.0%} of that time is expected"
+        )
     speed = gaussian_filter1d(speed.clip(0.0, FASTEST), SMOOTHED / 2.0 / STEP_S, mode="nearest")
     acceleration = np.gradient(speed, STEP_S).clip(-STRONGEST, STRONGEST)
     return LeadPlan(drive.name, float(speed[0]), acceleration, np.zeros(len(time)))
