@@ -35,6 +35,7 @@ from std_msgs.msg import String
 from test_adapters import bus_arguments
 from test_live_equals_offline import drive
 
+from lfd_diagnosis.decision_node import DecisionNode
 from lfd_diagnosis.diagnosis_node import DiagnosisNode
 from lfd_diagnosis.verdict import State
 from lfd_mpc.messages import from_time, to_time
@@ -49,10 +50,12 @@ from lfd_mpc.samples import (
 )
 from lfd_mpc.sensor_inputs import INPUT_TOPICS
 from lfd_msgs.msg import (
+    Decision,
     FaultReport,
     ObserverBank,
     PredictionHorizon,
     RadarTarget,
+    ReconstructedState,
     SignalFault,
 )
 from lfd_observer.observer_node import ObserverNode
@@ -530,6 +533,32 @@ def test_fuzzed_horizons_and_banks_never_end_a_node_or_pass_for_healthy(capfd, p
             "observer_node",
         )
         assert judged > 0 and int(refused) > 0
+
+
+def test_no_report_ends_the_decision(capfd) -> None:
+    fuzzer = Fuzzer(5)
+    with Graph() as graph:
+        graph.add(node := DecisionNode(context=graph.context))
+        decided: list[Decision] = []
+        node._decisions = SimpleNamespace(publish=decided.append)
+        count = 50_000 if SOAK else 3_000
+        for number in range(count):
+            report = fuzzer.fill(FaultReport())
+            rebuilt = fuzzer.fill(ReconstructedState())
+            for name in (*SIGNALS, "host_speed", "lead_acceleration"):
+                fault = fuzzer.fill(getattr(report, name))
+                if fuzzer.rng.random() < 0.97:
+                    # Mostly one that there is, so that it gets past the first check.
+                    fault.state, fault.kind = fuzzer.rng.randrange(6), fuzzer.rng.randrange(4)
+            rebuilt.step = report.step = fuzzer.rng.choice((number + 1, number + 1, report.step))
+            rebuilt.header.stamp = report.header.stamp
+            for message in fuzzer.rng.sample((report, rebuilt), 2):
+                (node._on_report if message is report else node._on_made)(message)
+            node._statuses(fuzzer.rng.random() < 0.1)
+        figures(capfd, f"{count} fuzzed reports: {len(decided)} decided, {node._refused} refused")
+        assert len(decided) > count // 2 and node._refused > 0
+        for made in decided:
+            assert made.deceleration >= 0.0 and made.reason.count("\n") == 0
 
 
 class CarFuzzer(Fuzzer):

@@ -1,11 +1,14 @@
 """The decision: which level and action verdicts lead to, below, at and above each limit."""
 
+import time
 from dataclasses import replace
 from math import isnan, nan
 
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import Log
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from test_nodes import Subscriber
 
 from lfd_diagnosis.decision_node import DecisionNode
@@ -13,6 +16,7 @@ from lfd_diagnosis.fault_level import DecisionMaker
 from lfd_diagnosis.settings import DecisionSettings
 from lfd_diagnosis.verdict import Kind, Reconstruction, Report, SignalVerdict, State
 from lfd_mpc.decision import Action, Decision, FaultLevel
+from lfd_mpc.health import Level
 from lfd_mpc.messages import to_message
 from lfd_mpc.node_support import PIPELINE_QOS
 from lfd_msgs.msg import Decision as DecisionMessage
@@ -317,13 +321,50 @@ def test_a_host_speed_that_is_doubted_is_not_driven_by() -> None:
     assert Drive().on(0.01).host_speed_usable
 
 
-def test_a_report_that_no_diagnosis_makes_is_refused() -> None:
+def odd_report() -> FaultReport:
+    """Of another version, or made by hand."""
+    message = to_message(report(1), FaultReport())
+    message.clearance.state = 9
+    return message
+
+
+def test_a_report_that_no_diagnosis_makes_is_refused_and_the_status_says_it() -> None:
+    said = "1 messages refused in the last second: diagnosis/faults: 9 is not a valid State"
     with Graph() as graph:
         node = graph.add(DecisionNode(context=graph.context))
-        message = to_message(report(1), FaultReport())
-        message.clearance.state = 9
-        node._on_report(message)
+        node._on_report(odd_report())
+        (status,) = node._statuses(True)
+        assert (status.level, status.message) == (Level.STALE, f"no decision yet; {said}")
         node._on_report(to_message(report(2), FaultReport()))
         node._on_made(to_message(made(2), ReconstructedState()))
         (status,) = node._statuses(False)
-        assert status.message == "NORMAL" and status.values["reports refused"] == "1"
+        assert (status.level, status.message) == (Level.OK, "NORMAL")
+        assert status.values["reports refused"] == "1"
+        node._on_report(odd_report())
+        for period_ends in (False, True):
+            (status,) = node._statuses(period_ends)
+            assert (status.level, status.message) == (Level.WARN, f"NORMAL; {said}")
+        (status,) = node._statuses(True)
+        assert (status.level, status.message) == (Level.OK, "NORMAL")
+        both = {"clearance": State.FAULT, "relative_velocity": State.FAULT}
+        nothing = {"clearance": nan, "relative_velocity": nan}
+        node._on_report(to_message(report(3, **both), FaultReport()))
+        node._on_made(to_message(made(3, **nothing), ReconstructedState()))
+        node._on_report(odd_report())
+        (status,) = node._statuses(True)
+        assert status.level == Level.ERROR and status.message.endswith(said)
+
+
+def test_a_report_that_is_refused_at_every_step_is_told_once_a_second() -> None:
+    with Graph() as graph:
+        node = graph.add(DecisionNode(context=graph.context))
+        told: list[Log] = []
+        everything = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        node.create_subscription(Log, "/rosout", told.append, everything)
+        begun = time.monotonic()
+        for _ in range(200):
+            node._on_report(odd_report())
+        graph.spin_until(lambda: any("refused" in log.msg for log in told), "it is told")
+        graph.spin_for(0.2)
+        count = sum("refused" in log.msg for log in told)
+        assert count <= 1 + (time.monotonic() - begun)

@@ -1,6 +1,7 @@
 """decision_node: fault reports and reconstructed signals in; fault level and action out."""
 
 import time
+from dataclasses import replace
 
 from rclpy.context import Context
 from rclpy.node import Node
@@ -11,7 +12,7 @@ from lfd_diagnosis.settings import DecisionSettings
 from lfd_diagnosis.verdict import Reconstruction, Report
 from lfd_mpc.decision import Decision as Decided
 from lfd_mpc.decision import FaultLevel
-from lfd_mpc.health import SILENT, Health, Level
+from lfd_mpc.health import BADNESS, SILENT, Health, Level
 from lfd_mpc.messages import from_message, to_message
 from lfd_mpc.node_support import (
     PIPELINE_QOS,
@@ -44,7 +45,8 @@ class DecisionNode(Node):
         self._reports: dict[tuple[int, int], Report] = {}
         self._made: dict[tuple[int, int], Reconstruction] = {}
         self._last: Decided | None = None
-        self._refused = 0
+        self._refused = self._refused_before = 0
+        self._refused_because = ""
         self._decided = 0.0
         self._decisions = self.create_publisher(Decision, "diagnosis/decision", PIPELINE_QOS)
         self._changes = self.create_publisher(Decision, "diagnosis/decision_changes", EVENT_QOS)
@@ -58,10 +60,22 @@ class DecisionNode(Node):
     def _change(self, settings: DecisionSettings) -> None:
         self._core.change(settings)
 
-    def _statuses(self, _period_ends: bool) -> list[Health]:
+    def _statuses(self, period_ends: bool) -> list[Health]:
+        health = self._level_health()
+        refused = self._refused - self._refused_before
+        if period_ends:
+            self._refused_before = self._refused
+        if refused:
+            # What has been decided is no less urgent for what could not be read.
+            level = max(health.level, Level.WARN, key=lambda level: BADNESS[level])
+            said = f"{refused} messages refused in the last second: {self._refused_because}"
+            health = replace(health, level=level, message=f"{health.message}; {said}")
+        return [health]
+
+    def _level_health(self) -> Health:
         last = self._last
         if last is None:
-            return [Health("fault level", "", Level.STALE, "no decision yet")]
+            return Health("fault level", "", Level.STALE, "no decision yet")
         age = time.monotonic() - self._decided
         values = {
             "action": last.action.name,
@@ -71,9 +85,9 @@ class DecisionNode(Node):
         }
         if age > SILENT:
             message = f"no decision for {age:.1f} s (limit {SILENT:g} s)"
-            return [Health("fault level", "", Level.STALE, message, values)]
+            return Health("fault level", "", Level.STALE, message, values)
         message = f"{last.level.name}: {last.reason}" if last.reason else last.level.name
-        return [Health("fault level", "", LEVELS[last.level], message, values)]
+        return Health("fault level", "", LEVELS[last.level], message, values)
 
     def _on_report(self, message: FaultReport) -> None:
         try:
@@ -81,7 +95,11 @@ class DecisionNode(Node):
         except ValueError as error:
             # A state or kind that there is not: of another version, or by hand.
             self._refused += 1
-            self.get_logger().warning(f"refused: diagnosis/faults: {error}")
+            self._refused_because = f"diagnosis/faults: {error}"
+            # As many as there are steps may be refused.
+            self.get_logger().warning(
+                f"refused: {self._refused_because}", throttle_duration_sec=1.0
+            )
             return
         if report.step:
             self._reports[report.step, report.stamp] = report
