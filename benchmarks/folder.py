@@ -20,7 +20,7 @@ def measure(count: int, folder: Path) -> list[Figure]:
     for number in range(count):
         drive = generate_drive(f"normal-{number % 27 + 1:02d}", number, "esr")
         write_drive(drive, drives / f"{number:03d}.mcap")
-    question = Question("robust", graph_settings("robust"), [], 0, ReadOptions())
+    question = Question(graph_settings("robust"), [], 0, ReadOptions())
     paths = drives_of([drives])
     cores = os.cpu_count() or 1
 

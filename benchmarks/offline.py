@@ -48,8 +48,7 @@ def measure(seconds: float, folder: Path, root: Path) -> list[Figure]:
     write_csv(drive, csv)
     write_drive(drive, bag)
     questions = {
-        profile: Question(profile, graph_settings(profile), [], 0, ReadOptions())
-        for profile in PROFILES
+        profile: Question(graph_settings(profile), [], 0, ReadOptions()) for profile in PROFILES
     }
     calls = {}
     for profile, question in questions.items():

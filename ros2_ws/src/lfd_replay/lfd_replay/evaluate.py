@@ -39,7 +39,6 @@ from lfd_replay.text_file import write_text
 class Question:
     """What is asked of each drive: settings, faults, seed, and how to read it."""
 
-    profile: str
     settings: GraphSettings
     faults: list[Fault]
     seed: int
@@ -94,7 +93,7 @@ def _with_faults(drive: Drive, question: Question) -> Sequence[Sample]:
 def _figures(path: Path, drive: Drive, question: Question, line: Timeline, elapsed: float) -> dict:
     return {
         "drive": str(path),
-        "profile": question.profile,
+        "profile": question.settings.profile,
         "faults": [fault.text for fault in question.faults],
         "duration_s": round(drive.duration, 6),
         "steps": len(line.stamps),
@@ -117,7 +116,7 @@ def _report_drive(drive: Drive, question: Question, sensors: dict, folder: Path)
 
     recorded = [RecordedStep.offline(step) for step in steps]
     recording = Recording(recorded, drive.zero, question.faults)
-    write_report(folder, drive.name, recording, sensors, question.profile)
+    write_report(folder, drive.name, recording, sensors, question.settings.profile)
 
 
 def _parse(arguments: list[str]) -> argparse.Namespace:
@@ -149,7 +148,6 @@ def main_evaluate(arguments: list[str]) -> int:
     """The command line of `evaluate`."""
     options = _parse(arguments)
     question = Question(
-        options.profile,
         graph_settings(options.profile, options.params),
         parse_faults(options.fault),
         options.seed,
@@ -179,7 +177,7 @@ def _evaluate_several(drives: list[Path], question: Question, options: argparse.
         options.jobs,
         options.scheduler,
     )
-    print_table(many_table(results, options.profile))
+    print_table(many_table(results, question.settings.profile))
     return say_failures(results)
 
 
@@ -194,7 +192,7 @@ def _evaluate_one(path: Path, question: Question, options: argparse.Namespace) -
     title = (
         f"{drive.name}: {result['duration_s']:.1f} s, {result['steps']} steps in "
         f"{result['elapsed_s']:.2f} s ({result['realtime_factor']:.0f} x real time), "
-        f"profile {options.profile}"
+        f"profile {question.settings.profile}"
     )
     print_table(result_table(sensors, title))
     return 0

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.table import Table
 
+from lfd_mpc.errors import UserError
 from lfd_replay.command_line import CountingProgress, parse_campaign, print_table
 from lfd_replay.errors import run_command
 from lfd_replay.evaluation import summary
@@ -36,6 +37,11 @@ def main_paper_evaluation(arguments: list[str]) -> int:
     options = parse_campaign(parser, arguments, "out/evaluate")
     size = full() if options.full else plain()
     settings = graph_settings("paper", options.params)
+    if settings.profile != "paper":
+        raise UserError(
+            f"--params {options.params}: is of the {settings.profile} profile; a file of the paper "
+            "profile is expected, as `calibrate --profile paper` writes it"
+        )
     recorded = recorded_drive(options.recorded)
     started = time.perf_counter()
     with CountingProgress() as progress, workers(options.jobs) as pool:

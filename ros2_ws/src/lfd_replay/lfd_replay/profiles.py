@@ -32,6 +32,11 @@ class GraphSettings:
     diagnosis: DiagnosisSettings
     decision: DecisionSettings = DecisionSettings()
 
+    @property
+    def profile(self) -> str:
+        """The profile that judges: a parameter file's own takes precedence over what was asked."""
+        return self.diagnosis.profile
+
 
 NODES: dict[str, type[Settings]] = {
     "mpc_node": MpcSettings,

@@ -1,0 +1,52 @@
+"""What commands write and print: of what they are, and wherever it goes."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from lfd_replay.errors import run_command
+from lfd_replay.evaluate import main_evaluate
+from lfd_replay.paper_evaluation import main_paper_evaluation
+from lfd_replay.profiles import profile_file_text
+
+HEADER = "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2"
+
+
+def drive(path: Path) -> Path:
+    """A drive of 3 s behind a lead that keeps its distance."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("\n".join([HEADER, *(f"{k / 20},30,0,15,0.1" for k in range(60))]) + "\n")
+    return path
+
+
+def parameters(path: Path, profile: str) -> Path:
+    """The parameter file of a profile."""
+    path.write_text(profile_file_text(profile))
+    return path
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_the_profile_that_is_named_is_the_one_that_judged(count: int, tmp_path, capsys) -> None:
+    """A parameter file's own profile takes precedence, and calibrate writes one."""
+    params, out = parameters(tmp_path / "p.yaml", "paper"), tmp_path / "out.json"
+    drives = [str(drive(tmp_path / f"{k}.csv")) for k in range(count)]
+    asked = ["--profile", "robust", "--params", str(params), "--json", str(out), "--jobs", "1"]
+    page = tmp_path / "page"
+    report = ["--report", str(page)] if count == 1 else []
+    assert run_command(main_evaluate, [*drives, *asked, *report]) == 0
+    result = json.loads(out.read_text())
+    assert {each["profile"] for each in result.get("drives", [result])} == {"paper"}
+    assert "profile paper" in capsys.readouterr().out.splitlines()[0]
+    if report:
+        assert "between the limits of the observers" in (page / "report.html").read_text()
+
+
+def test_the_papers_evaluation_is_of_no_other_profile(tmp_path: Path, capsys) -> None:
+    params, out = parameters(tmp_path / "p.yaml", "robust"), tmp_path / "out"
+    assert run_command(main_paper_evaluation, ["--params", str(params), "--out", str(out)]) == 2
+    assert capsys.readouterr().err == (
+        f"--params {params}: is of the robust profile; a file of the paper profile is expected, "
+        "as `calibrate --profile paper` writes it\n"
+    )
+    assert not out.exists()
