@@ -7,6 +7,7 @@ import pytest
 
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
+from lfd_replay.journal import Journal
 from lfd_replay.paper_evaluation import main_paper_evaluation
 from lfd_replay.profiles import profile_file_text
 
@@ -50,3 +51,17 @@ def test_the_papers_evaluation_is_of_no_other_profile(tmp_path: Path, capsys) ->
         "as `calibrate --profile paper` writes it\n"
     )
     assert not out.exists()
+
+
+@pytest.mark.parametrize("damage", [b"\xff", b"\0" * 8, b"17", b"[]", b'{"key": "b"}', b'{"ke'])
+def test_a_damaged_line_of_a_journal_costs_its_own_result_alone(damage: bytes, tmp_path) -> None:
+    kept = tmp_path / "journal"
+    Journal(kept).add("a", 1)
+    with kept.open("ab") as file:
+        file.write(b"\n" + damage)
+    Journal(kept).add("c", 3)
+    assert Journal(kept).results == {"a": 1, "c": 3}
+    kept.write_bytes(damage)
+    assert Journal(kept).results == {}
+    Journal(kept).add("d", 4)
+    assert Journal(kept).results == {"d": 4}, "one without a head begins anew"

@@ -55,14 +55,15 @@ class Journal:
         self._path = path
         self.results: dict[str, Any] = {}
         head = json.dumps({"code": fingerprint(recorded)})
-        lines = path.read_text().splitlines() if path.is_file() else []
-        if lines[:1] == [head]:
+        # As bytes: a line that is damaged costs its own result, and no other.
+        lines = path.read_bytes().splitlines() if path.is_file() else []
+        if lines[:1] == [head.encode()]:
             for line in lines[1:]:
                 try:
                     entry = json.loads(line)
-                except json.JSONDecodeError:
-                    continue  # the line at which a run was cut off
-                self.results[entry["key"]] = entry["result"]
+                    self.results[entry["key"]] = entry["result"]
+                except (ValueError, TypeError, KeyError):
+                    continue  # the line at which a run was cut off, or a disk lost something
         else:
             self._write("w", head + "\n")
 
