@@ -215,6 +215,35 @@ def test_a_thinned_line_keeps_its_extremes() -> None:
     np.testing.assert_array_equal(thinned(x[:100], y[:100])[1], y[:100])
 
 
+@pytest.mark.parametrize("parts", [1, 2, 3])
+def test_a_thinned_line_keeps_short_parts_and_short_gaps(parts: int) -> None:
+    """A held signal that is faulty for a second or three of an hour is one value in a few points;
+    what is joined across a gap would say that it was faulty between, too."""
+    x, y = np.arange(360_000) * 0.01, np.full(360_000, np.nan)
+    for part in range(parts):
+        y[180_000 + 150 * part :][:100] = 1.25
+    few_x, few_y = thinned(x, y)
+    found = stretches(Band("", few_x, few_y, few_y, ""))
+    ends = [(float(part[0]), float(part[-1])) for part, _, _ in found]
+    assert ends[0][0] == 1800.0 and ends[-1][1] == pytest.approx(1800.99 + 1.5 * (parts - 1))
+    assert all(end - start == pytest.approx(0.99) for start, end in (ends[0], ends[-1]))
+    assert len(ends) == min(parts, 2)
+    assert (few_x[0], few_x[-1]) == (x[0], x[-1]) and len(few_x) < 200 + POINTS
+    y = np.sin(x)
+    y[200_000:200_010] = np.nan
+    few_x, few_y = thinned(x, y)
+    gap = few_x[np.isnan(few_y)]
+    assert len(gap) and np.all((gap >= 2000.0) & (gap < 2000.1)), "a gap of 0.1 s is one"
+
+
+def test_a_short_stretch_of_a_band_is_as_wide_as_it_is() -> None:
+    x, value = np.arange(360_000) * 0.01, np.full(360_000, np.nan)
+    value[180_000:180_050] = 1.0
+    ((drawn, low, high),) = stretches(Band("", x, value, value + 1.0, ""))
+    assert (drawn[0], drawn[-1]) == (x[180_000], x[180_049])
+    assert set(low) == {1.0} and set(high) == {2.0}
+
+
 def test_a_band_is_drawn_between_its_gaps_and_keeps_its_extremes() -> None:
     x = np.arange(50_000.0)
     low, high = -np.ones_like(x), np.ones_like(x)

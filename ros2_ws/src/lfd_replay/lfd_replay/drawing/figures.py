@@ -170,26 +170,38 @@ def stretches(band: Band) -> list[tuple[Array, Array, Array]]:
     width = -(-len(band.x) // POINTS)
     found = []
     for start, end in edges.reshape(-1, 2):
-        first = np.arange(start, end, width)
+        # With its end, without which a short one would be no wider than a point.
+        first = np.append(np.arange(start, end - 1, width), end - 1)
         low = np.minimum.reduceat(band.low[:end], first)
         high = np.maximum.reduceat(band.high[:end], first)
-        x = band.x[first].copy()
-        x[-1] = band.x[end - 1]
-        found.append((x, low, high))
+        found.append((band.x[first], low, high))
     return found
 
 
 def thinned(x: Array, y: Array) -> tuple[Array, Array]:
-    """A long line with fewer points, extremes kept: lowest and highest of each stretch in turn."""
-    stretch = -(-len(x) // (POINTS // 2))
-    if stretch < 3:
+    """A long line with fewer points: of each stretch the extremes, and the ends of its first and
+    its last part between gaps. A gap stays one, and a part that is shorter than a stretch does not
+    shrink to a point, of which nothing would be drawn."""
+    stretch = -(-len(x) // (POINTS // 4))
+    if stretch < 5:
         return x, y
     count = len(x) // stretch
     rows = y[: count * stretch].reshape(count, stretch)
-    start = np.arange(count) * stretch
-    filled = np.isfinite(rows).any(axis=1)
-    low, high = start.copy(), start + 1
-    low[filled] += np.nanargmin(rows[filled], axis=1)
-    high[filled] = start[filled] + np.nanargmax(rows[filled], axis=1)
-    keep = np.unique(np.concatenate([low, high, np.arange(count * stretch, len(x))]))
+    finite = np.isfinite(rows)
+    begins, ends = finite.copy(), finite.copy()
+    begins[:, 1:] &= ~finite[:, :-1]
+    ends[:, :-1] &= ~finite[:, 1:]
+    chosen = [
+        np.where(finite, rows, np.inf).argmin(axis=1),
+        np.where(finite, rows, -np.inf).argmax(axis=1),
+        *(part.argmax(axis=1) for part in (begins, ends)),
+        *(stretch - 1 - part[:, ::-1].argmax(axis=1) for part in (begins, ends)),
+    ]
+    inside = (np.arange(count) * stretch + np.array(chosen))[:, finite.any(axis=1)]
+    keep = np.unique(np.concatenate([inside.ravel(), np.arange(count * stretch, len(x))]))
+    # What is kept goes on to the next gap at most; the axis is as long as all of it.
+    gaps = np.flatnonzero(~np.isfinite(y))
+    following = np.searchsorted(gaps, keep)
+    after = gaps[following[following < len(gaps)]]
+    keep = np.unique(np.concatenate([keep, after, [0, len(x) - 1]]))
     return x[keep], y[keep]
