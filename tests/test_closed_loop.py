@@ -309,10 +309,11 @@ def test_a_fault_after_the_end_is_told_of_before_anything_is_run(
 
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory) -> Path:
-    out = tmp_path_factory.mktemp("simulate")
+    out = tmp_path_factory.mktemp("simulate") / "out [x]"
     done = simulate("--lead", LEAD, "--fault", FAULT, "--out", str(out))
     assert done.returncode == 0, done.stderr
     assert "worst level TAKE_OVER" in done.stdout and "watch.html" in done.stdout
+    assert f"bag: {out / 'bag'} " in done.stdout, "what is in brackets is no markup"
     return out
 
 

@@ -65,3 +65,11 @@ def test_a_damaged_line_of_a_journal_costs_its_own_result_alone(damage: bytes, t
     assert Journal(kept).results == {}
     Journal(kept).add("d", 4)
     assert Journal(kept).results == {"d": 4}, "one without a head begins anew"
+
+
+def test_names_with_brackets_are_printed_as_they_are(tmp_path: Path, capsys) -> None:
+    drives = [str(drive(tmp_path / name)) for name in ("a[old]b.csv", "dir[/b].csv")]
+    for asked in (drives, drives[:1], drives[1:]):
+        assert run_command(main_evaluate, [*asked, "--jobs", "1"]) == 0
+        printed = capsys.readouterr().out
+        assert all(Path(path).name in printed for path in asked)

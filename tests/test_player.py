@@ -271,6 +271,21 @@ def test_a_stamp_below_zero_loses_nothing_of_a_replay(monkeypatch, tmp_path: Pat
     assert sorted(s.stamp for s in recorded) == sorted(s.stamp for s in samples)
 
 
+@pytest.mark.parametrize("name", ["a [old] b", "dir[/b]"])
+def test_a_replay_prints_names_as_they_are(name: str, monkeypatch, tmp_path: Path, capfd) -> None:
+    def failing(*_) -> float:
+        raise LockstepError("lockstep: step at 0.50 s: the controller answered for another")
+
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(next_domain()))
+    monkeypatch.setattr("lfd_bringup.replay.play", failing)
+    file, out = tmp_path / f"{name}.mcap", tmp_path / "out [x]"
+    write_drive(make_drive(), file)
+    with joined([]) as since:
+        assert main_replay(["--drive", str(file), "--out", str(out)], since) == 1
+    printed = capfd.readouterr().out
+    assert f"replay of {file}: " in printed and f"bag: {out / 'bag'} " in printed
+
+
 def test_help_names_every_kind_of_drive(capsys) -> None:
     with pytest.raises(SystemExit):
         main_replay(["--help"], 0.0)

@@ -119,7 +119,7 @@ def _drive_and_faults(options: argparse.Namespace) -> tuple[Path, list[Fault]]:
 def print_injected(faults: list[Fault], console: Console) -> None:
     """Say what is injected, a line for each fault."""
     for fault in faults:
-        console.print(f"  injected: {fault.text}", markup=False, highlight=False)
+        console.print(f"  injected: {fault.text}", highlight=False)
 
 
 def main_replay(arguments: list[str], joined: float) -> int:
@@ -127,7 +127,7 @@ def main_replay(arguments: list[str], joined: float) -> int:
     options = _parse(arguments)
     path, faults = _drive_and_faults(options)
     playing = play_options(options)
-    console = Console(soft_wrap=True)
+    console = Console(soft_wrap=True, markup=False)
     executor = make_executor()
     nodes: list[Node] = []
     try:

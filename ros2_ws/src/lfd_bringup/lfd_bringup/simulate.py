@@ -121,7 +121,7 @@ def main_simulate(arguments: list[str]) -> int:
     make_folder(options.out)
     refuse_others_bag(options.out / "bag")
 
-    console = Console(soft_wrap=True)
+    console = Console(soft_wrap=True, markup=False)
     console.print(
         f"closed loop behind {lead.name}: {lead.duration:.1f} s, profile {options.profile}, "
         f"{options.model}",

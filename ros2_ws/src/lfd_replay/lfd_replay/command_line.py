@@ -180,12 +180,13 @@ def print_table(table: Table) -> None:
     """Print a table; where nobody knows how wide the output is, wide enough for all of it.
 
     Its title is a line of its own, which a narrow table does not break. Long words are broken
-    rather than cut off: two faults may differ at their ends only.
+    rather than cut off: two faults may differ at their ends only. Names of files are in it, whose
+    brackets are no markup.
     """
-    console = Console()
+    console = Console(markup=False)
     for column in table.columns:
         column.overflow = "fold"
     if table.title:
-        console.print(table.title, markup=False, highlight=False, soft_wrap=True)
+        console.print(table.title, highlight=False, soft_wrap=True)
         table.title = None
-    Console(width=None if console.is_terminal else 120).print(table)
+    Console(width=None if console.is_terminal else 120, markup=False).print(table)

@@ -361,7 +361,7 @@ def main_closed_loop(arguments: list[str]) -> int:
     add_jobs_option(parser)
     options = parser.parse_args(arguments)
     make_folder(options.out)
-    console = Console(soft_wrap=True)
+    console = Console(soft_wrap=True, markup=False)
     leave(run_all(cases(options.full), options.jobs), options.out, console)
     return 0
 
