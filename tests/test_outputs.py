@@ -1,6 +1,7 @@
 """What commands write and print: of what they are, and wherever it goes."""
 
 import json
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from lfd_replay.evaluate import main_evaluate
 from lfd_replay.journal import Journal
 from lfd_replay.paper_evaluation import main_paper_evaluation
 from lfd_replay.profiles import profile_file_text
+from ros_support import ROOT
 
 HEADER = "t_s,range_m,range_rate_mps,host_speed_mps,host_accel_mps2"
 
@@ -73,3 +75,15 @@ def test_names_with_brackets_are_printed_as_they_are(tmp_path: Path, capsys) -> 
         assert run_command(main_evaluate, [*asked, "--jobs", "1"]) == 0
         printed = capsys.readouterr().out
         assert all(Path(path).name in printed for path in asked)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("place", ["/dev/stdout", ">(cat)"])
+def test_figures_go_through_a_pipe(place: str, count: int, tmp_path: Path) -> None:
+    drives = [str(drive(tmp_path / f"{k}.csv")) for k in range(count)]
+    command = [ROOT / "run", "lfd_replay", "evaluate", *drives, "--jobs", "1"]
+    shell = ["bash", "-c", f'"$@" --json {place} | cat', "bash", *command]
+    done = subprocess.run(shell, capture_output=True, text=True, timeout=120)
+    assert done.stderr == ""
+    result, _ = json.JSONDecoder().raw_decode(done.stdout[done.stdout.index("{") :])
+    assert [each["steps"] > 0 for each in result.get("drives", [result])] == [True] * count

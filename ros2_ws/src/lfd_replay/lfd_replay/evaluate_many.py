@@ -18,7 +18,7 @@ from lfd_replay.command_line import CountingProgress, say_warnings
 from lfd_replay.errors import refusal
 from lfd_replay.journal import Journal, Task, run_tasks, workers
 from lfd_replay.read_drive import is_drive
-from lfd_replay.text_file import write_text
+from lfd_replay.text_file import is_stream, write_text
 
 
 def drives_of(paths: list[Path]) -> list[Path] | None:
@@ -79,8 +79,9 @@ def _checksum(file: Path) -> str:
 
 
 def journal_file(out: Path | None, paths: list[Path]) -> Path:
-    """Where results are kept until all are there: beside the output, or with the user's others."""
-    if out is not None:
+    """Where results are kept until all are there: beside the output, or with the user's others,
+    as there is nothing beside a pipe."""
+    if out is not None and not is_stream(out):
         return out.with_name(f".{out.name}.journal")
     name = hashlib.sha256("\0".join(str(p.resolve()) for p in paths).encode()).hexdigest()[:16]
     return Path(tempfile.gettempdir()) / f"lfd-{os.getuid()}" / f"{name}.journal"
