@@ -11,7 +11,7 @@ import pytest
 from std_srvs.srv import Trigger
 from test_live_equals_offline import drive
 
-from lfd_bringup.replay import main_replay
+from lfd_bringup.replay import default_drive, main_replay
 from lfd_bringup.simulate import main_simulate
 from lfd_diagnosis.decision_node import DecisionNode
 from lfd_diagnosis.silence import CLOCK_LOST
@@ -28,6 +28,7 @@ from lfd_replay.drive import Drive
 from lfd_replay.drive_bag import replace_folder, sample_message, write_bag, write_drive
 from lfd_replay.errors import run_command
 from lfd_replay.faults import parse_faults
+from lfd_replay.generated.generate import generate_drive
 from lfd_replay.lockstep import LockstepError, horizon_difference
 from lfd_replay.player import GRAPH_NODES, PlayerNode, PlayOptions, played, samples_to_play
 from lfd_replay.read_drive import DRIVE_HELP, read_drive
@@ -296,6 +297,10 @@ def somebodys_bag(bag: Path) -> None:
     write_bag([(s.stamp, *sample_message(s)) for s in drive(1.0)], bag)
 
 
+def another_drive(file: Path) -> None:
+    write_drive(make_drive(), file)
+
+
 def a_bag_with_notes(bag: Path) -> None:
     write_bag([], bag)
     (bag / "notes.txt").touch()
@@ -329,6 +334,46 @@ def test_a_replay_does_not_replace_what_it_reads(name: str, tmp_path: Path, caps
     assert run_command(lambda own: main_replay(own, 0.0), arguments) == 2
     assert "would be written over" in capsys.readouterr().err
     assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("asked", "named"),
+    [
+        (["--fault", "melt:radar@1-2"], "unknown kind 'melt'"),
+        (["--rate", "-1"], "--rate -1"),
+        (["--start", "500"], "--start 500"),
+        (["--start", "10.0001", "--duration", "1e-6"], "no sample between --start"),
+        (["--map", "range_m"], "NAME=COLUMN"),
+    ],
+)
+def test_a_mistake_leaves_no_default_drive(
+    asked: list[str], named: str, tmp_path: Path, capsys
+) -> None:
+    out = tmp_path / "out"
+    assert run_command(lambda own: main_replay(own, 0.0), [*asked, "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and named in said
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("kept", [lambda path: path.write_text("mine"), Path.mkdir, another_drive])
+def test_the_default_drive_takes_nobodys_place(
+    kept: Callable[[Path], None], tmp_path: Path, capsys
+) -> None:
+    kept(tmp_path / "data-1.mcap")
+    before = contents(tmp_path)
+    assert run_command(lambda own: main_replay(own, 0.0), ["--out", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "data-1.mcap: is not the drive that a replay gene" in said
+    assert contents(tmp_path) == before
+
+
+def test_the_default_drive_is_made_again_in_its_own_place(tmp_path: Path) -> None:
+    path = default_drive(tmp_path, [], PlayOptions())
+    first = path.read_bytes()
+    write_drive(generate_drive("data-1", 1, "esr"), path)
+    assert path.read_bytes() != first, "as of another version, it says something else"
+    assert default_drive(tmp_path, [], PlayOptions()).read_bytes() == first
 
 
 def test_nodes_that_do_not_come_are_named(monkeypatch) -> None:

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import sys
 import tempfile
 import time
@@ -29,12 +30,12 @@ from lfd_replay.command_line import (
     result_table,
     warn,
 )
-from lfd_replay.drive import Drive
+from lfd_replay.drive import Drive, streams_of
 from lfd_replay.drive_bag import refuse_others_bag, replace_folder, write_drive
 from lfd_replay.faults import Fault, parse_faults
 from lfd_replay.lockstep import LockstepError
 from lfd_replay.paths import make_folder, named_path, refuse_to_overwrite, share_folder
-from lfd_replay.player import GRAPH_NODES, PlayerNode, played, refuse_others, settle
+from lfd_replay.player import GRAPH_NODES, PlayerNode, PlayOptions, played, refuse_others, settle
 from lfd_replay.read_drive import DRIVE_HELP, files_read, read_drive, read_options
 from lfd_replay.score import score, shown, timeline
 from lfd_replay.text_file import write_text
@@ -80,13 +81,35 @@ def graph_nodes(
     return [kind(cli_args=arguments) for kind in kinds]
 
 
-def default_drive(out: Path) -> Path:
-    """A generated drive, so that nothing from outside is needed."""
+def default_drive(out: Path, faults: list[Fault], playing: PlayOptions) -> Path:
+    """A generated drive, so that nothing from outside is needed.
+
+    Raises UserError, and writes nothing, where it cannot be played so, or where its name is that of
+    somebody's file.
+    """
     from lfd_replay.generated.generate import generate_drive
 
     path = out / f"{DEFAULT_DRIVE}.mcap"
-    write_drive(generate_drive(DEFAULT_DRIVE, seed=0, sensor="esr"), path)
+    made = generate_drive(DEFAULT_DRIVE, seed=0, sensor="esr")
+    checked_samples(path, made, faults, playing)
+    if os.path.lexists(path) and not _is_like(path, made):
+        raise UserError(
+            f"{path}: is not the drive that a replay generates, and stays as it is; another --out "
+            "is expected"
+        )
+    write_drive(made, path)
     return path
+
+
+def _is_like(path: Path, drive: Drive) -> bool:
+    """Whether it holds a drive of the same inputs and length: what is generated may change from
+    version to version, and from seed to seed."""
+    try:
+        there = read_drive(path)
+    except UserError:
+        return False
+    same = streams_of(there.samples).keys() == streams_of(drive.samples).keys()
+    return same and abs(there.duration - drive.duration) < 0.1
 
 
 def _parse(arguments: list[str]) -> argparse.Namespace:
@@ -99,21 +122,22 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     return parser.parse_args(own_arguments("replay", arguments))
 
 
-def _drive_and_faults(options: argparse.Namespace) -> tuple[Path, list[Fault]]:
+def _drive_and_faults(
+    options: argparse.Namespace, playing: PlayOptions
+) -> tuple[Path, list[Fault]]:
     """What was asked for, or the default drive; it alone has default faults.
 
-    Raises UserError where results would take the place of what is read, or of somebody's bag.
+    Raises UserError where results would take the place of what is read, or of what is somebody's.
     """
     refuse_others_bag(options.out / "bag")
+    faults = parse_faults(options.fault)
     if options.drive:
         path = Path(options.drive)
         for name in LEFT:
             refuse_to_overwrite(options.out / name, files_read(options, path))
-        return path, parse_faults(options.fault)
-    path = default_drive(options.out)
-    if not any(text.strip() for text in options.fault):
-        return path, parse_faults([DEFAULT_FAULT])
-    return path, parse_faults(options.fault)
+        return path, faults
+    faults = faults or parse_faults([DEFAULT_FAULT])
+    return default_drive(options.out, faults, playing), faults
 
 
 def print_injected(faults: list[Fault], console: Console) -> None:
@@ -125,13 +149,13 @@ def print_injected(faults: list[Fault], console: Console) -> None:
 def main_replay(arguments: list[str], joined: float) -> int:
     """The command line of `replay`; `joined`: `time.monotonic()` at which ROS was joined."""
     options = _parse(arguments)
-    path, faults = _drive_and_faults(options)
-    playing = play_options(options)
+    playing, reading = play_options(options), read_options(options)
+    path, faults = _drive_and_faults(options, playing)
     console = Console(soft_wrap=True, markup=False)
     executor = make_executor()
     nodes: list[Node] = []
     try:
-        drive = read_drive(path, read_options(options))
+        drive = read_drive(path, reading)
         samples = checked_samples(path, drive, faults, playing)
 
         make_folder(options.out)
