@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from lfd_replay.drawing.figure_page import write_page
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
 from lfd_replay.journal import Journal
@@ -87,3 +88,12 @@ def test_figures_go_through_a_pipe(place: str, count: int, tmp_path: Path) -> No
     assert done.stderr == ""
     result, _ = json.JSONDecoder().raw_decode(done.stdout[done.stdout.index("{") :])
     assert [each["steps"] > 0 for each in result.get("drives", [result])] == [True] * count
+
+
+@pytest.mark.parametrize("name", ["%BODY%", "%TITLE%", "%PLOTLY%", "%SCRIPT%", "100%A%", r"\1"])
+def test_the_name_of_a_place_of_the_page_is_a_title_like_others(name: str, tmp_path) -> None:
+    page, said = tmp_path / "page.html", f"<p>{name}</p>"
+    write_page(page, name, [said])
+    text = page.read_text()
+    assert f"<title>{name}</title>" in text and f"<h1>{name}</h1>" in text
+    assert text.count(said) == 1 and text.count("function draw(") == 1

@@ -1,6 +1,7 @@
 """Figures on one self-contained page: nothing is fetched, everything can be zoomed."""
 
 import html
+import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -246,10 +247,14 @@ def write_page(path: Path, title: str, body: Iterable[str]) -> None:
 
     Raises UserError where it cannot be written.
     """
-    page = _PAGE.replace("%TITLE%", html.escape(title)).replace("%SCRIPT%", _SCRIPT)
-    before, after = page.split("%BODY%")
-    head, tail = before.split("%PLOTLY%")
-    write_text(path, "".join([head, get_plotlyjs(), tail, "\n".join(body), after]))
+    parts = {
+        "TITLE": html.escape(title),
+        "PLOTLY": get_plotlyjs(),
+        "BODY": "\n".join(body),
+        "SCRIPT": _SCRIPT,
+    }
+    # At once: what is put in may hold the name of a place itself.
+    write_text(path, re.sub("%([A-Z]+)%", lambda place: parts[place[1]], _PAGE))
 
 
 _PAGE = """<!doctype html>
