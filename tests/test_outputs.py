@@ -2,11 +2,14 @@
 
 import json
 import subprocess
+import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from lfd_replay.drawing.figure_page import write_page
+from lfd_replay.drawing.figure_page import drawn, write_page
+from lfd_replay.drawing.figures import Figure, Line, Panel
 from lfd_replay.errors import run_command
 from lfd_replay.evaluate import main_evaluate
 from lfd_replay.journal import Journal
@@ -97,3 +100,12 @@ def test_the_name_of_a_place_of_the_page_is_a_title_like_others(name: str, tmp_p
     text = page.read_text()
     assert f"<title>{name}</title>" in text and f"<h1>{name}</h1>" in text
     assert text.count(said) == 1 and text.count("function draw(") == 1
+
+
+def test_a_value_beyond_small_numbers_is_a_gap_of_the_page() -> None:
+    y = np.array([1.0, 1e300, 2.0])
+    line = Line("value", np.arange(3.0), y, "#000000")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figure = drawn(Figure("key", "title", "says", [Panel("panel", "x", "y", [line])]))
+    assert "Infinity" not in figure and json.loads(figure)["data"][0]["name"] == "value"

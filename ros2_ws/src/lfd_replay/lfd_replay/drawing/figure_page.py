@@ -194,8 +194,10 @@ def _with_breaks(names: Iterable[str]) -> list[str]:
 
 
 def _small(values: ArrayLike) -> NDArray[np.float32]:
-    """Half the page's size, and still far finer than a pixel."""
-    return np.asarray(values, dtype=np.float32)
+    """Half the page's size, and still far finer than a pixel; what is too large to be one of these
+    numbers, beyond 3e38, is drawn no more than what is infinite."""
+    with np.errstate(over="ignore"):
+        return np.asarray(values, dtype=np.float32)
 
 
 def table_html(header: Iterable[str], rows: Rows, caption: str = "") -> str:
