@@ -590,6 +590,27 @@ exit(run_command(lambda _: ({how}, open(2, "w", closefd=False).write("done"), {s
     assert (done.returncode, done.stderr) == (status, "done")
 
 
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
+@pytest.mark.parametrize("how", ["print('a line')", "Console().print('a line')"])
+def test_what_is_printed_where_nothing_is_open_is_lost_and_nothing_else(
+    how: str, closed: str, tmp_path: Path
+) -> None:
+    program = f"""
+import sys
+from rich.console import Console
+from lfd_replay.errors import run_command
+def command(_):
+    {how}
+    print("said", file=sys.stderr)
+    open("done", "w").close()
+    return 3
+exit(run_command(command))
+"""
+    shell = ["bash", "-c", f'exec "$@" {closed}', "bash", sys.executable, "-c", program]
+    assert subprocess.run(shell, cwd=tmp_path).returncode == 3
+    assert (tmp_path / "done").exists()
+
+
 @pytest.mark.parametrize(
     ("command", "arguments", "said"),
     [

@@ -35,9 +35,10 @@ class _Printed:
     A recording, a report or other drives may be unwritten when a line of text cannot be printed.
     """
 
-    def __init__(self, stream: TextIO) -> None:
-        """`stream`: where it is printed; `full` is why no more can be, where that is a mistake."""
-        self._stream = stream
+    def __init__(self, stream: TextIO | None) -> None:
+        """`stream`: where it is printed, None where the caller has closed it; `full` is why no more
+        can be, where that is a mistake."""
+        self._stream = open(os.devnull, "w") if stream is None else stream  # noqa: SIM115
         self.full: OSError | None = None
 
     def write(self, text: str) -> int:
