@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfd_diagnosis.verdict import State
+from lfd_diagnosis.verdict import Kind, State
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, RADAR, UNKNOWN_TRACK, RadarSample, ScalarSample
 from lfd_replay.calibrate import main_calibrate, with_noise
@@ -35,7 +35,7 @@ from lfd_replay.evaluation.fault_windows import LENGTH, PAUSE, Cell, offset_cell
 from lfd_replay.evaluation.kalman import KalmanGate, LeadModel
 from lfd_replay.evaluation.normal_driving import lead_acceleration, scan_deviations
 from lfd_replay.evaluation.requirements import plan
-from lfd_replay.evaluation.requirements.judge import Judge
+from lfd_replay.evaluation.requirements.judge import Judge, kinds_confusion
 from lfd_replay.evaluation.requirements.measure import measure
 from lfd_replay.evaluation.requirements.rows import Row, rows
 from lfd_replay.evaluation.requirements.windows import (
@@ -233,6 +233,17 @@ def test_what_is_called_faulty_only_once_it_is_over_is_said_so() -> None:
     faults = parse_faults(["offset:clearance=4@5-7"])
     assert not false_events(late, faults)["clearance"]
     assert false_events(view_of(((8.2, 9.0),)), faults)["clearance"] == [8.2]
+
+
+def test_kinds_are_those_of_windows_in_which_the_fault_was_found() -> None:
+    made = [
+        {"delay": 0.1, "kind": int(Kind.RAMP)},
+        {"delay": None, "kind": None},
+        {"delay": None, "kind": int(Kind.OFFSET)},  # of a flag that stood before
+        {"delay": 3.99, "kind": None},
+    ]
+    windows = [{"signals": {"clearance": one}} for one in made]
+    assert kinds_confusion({"ramp": windows}) == {"ramp": {"ramp": 1, "not found": 2, "unknown": 1}}
 
 
 @pytest.mark.parametrize(("unseen", "one"), [((6.0, 6.4), True), ((6.0, 6.9), False)])

@@ -398,13 +398,15 @@ def judge_rebuilt(judge: Judge, recorded: bool, host_speed: bool = True) -> None
 
 
 def kinds_confusion(results: dict[str, list[dict]]) -> dict[str, dict[str, int]]:
-    """Kind injected against kind named, in windows that were found; `results` by kind injected."""
+    """Kind injected against kind named, or that the fault was not found, in all windows; `results`
+    by kind injected."""
     table = {}
     for injected, windows in results.items():
         counter: Counter[str] = Counter()
         for window in windows:
             for made in window["signals"].values():
-                named = made["kind"]
-                counter["not found" if named is None else Kind(named).name.lower()] += 1
+                # A flag that stood before has a kind, too, and one of the last moment has none yet.
+                kind = Kind.UNKNOWN if made["kind"] is None else Kind(made["kind"])
+                counter["not found" if made["delay"] is None else kind.name.lower()] += 1
         table[injected] = dict(counter)
     return table
