@@ -37,6 +37,7 @@ from lfd_replay.evaluation.normal_driving import lead_acceleration, scan_deviati
 from lfd_replay.evaluation.requirements import plan
 from lfd_replay.evaluation.requirements.judge import Judge, kinds_confusion
 from lfd_replay.evaluation.requirements.measure import measure
+from lfd_replay.evaluation.requirements.mechanisms import AS_IT_IS, ablation_table
 from lfd_replay.evaluation.requirements.rows import Row, rows
 from lfd_replay.evaluation.requirements.windows import (
     CLEAR_FOR,
@@ -46,7 +47,7 @@ from lfd_replay.evaluation.requirements.windows import (
     made_of,
 )
 from lfd_replay.evaluation.statistics import median, rate
-from lfd_replay.evaluation.summary import case_rows, equal_rows, summary, tables
+from lfd_replay.evaluation.summary import case_rows, equal_rows, mechanism_rows, summary, tables
 from lfd_replay.evaluation.trace import JUDGED, Trace, load_trace, record_trace
 from lfd_replay.evaluation.variants import LINEAR, SINGLE, variants
 from lfd_replay.faults import MEASURED, FaultInjector, parse_faults
@@ -244,6 +245,21 @@ def test_kinds_are_those_of_windows_in_which_the_fault_was_found() -> None:
     ]
     windows = [{"signals": {"clearance": one}} for one in made]
     assert kinds_confusion({"ramp": windows}) == {"ramp": {"ramp": 1, "not found": 2, "unknown": 1}}
+
+
+def test_where_nothing_is_injected_nothing_is_found_to_its_end() -> None:
+    """A share of no windows at all would read as if all of them were found."""
+    found = {"delay": 0.1, "fraction": 1.0, "clear": 0.2}
+    windows = {"healthy": [], "faults": [{"signals": {"clearance": found}, "blamed": []}]}
+
+    def of(run: plan.Run, _profile: str) -> dict:
+        quiet = {"false": {"clearance": []}, "ready": dict.fromkeys(JUDGED, 1.0)}
+        return {"windows": windows[run.drive], **quiet}
+
+    table = ablation_table({(AS_IT_IS, name): [plan.Run(name, 1)] for name in windows}, of)
+    healthy, faults = mechanism_rows(table)
+    assert healthy[1:4] == ("healthy", "-", "-") and faults[2:4] == ("100.0% of 1", "100.0%")
+    assert table[AS_IT_IS]["healthy"]["found"] is table[AS_IT_IS]["healthy"]["flagged"] is None
 
 
 @pytest.mark.parametrize(("unseen", "one"), [((6.0, 6.4), True), ((6.0, 6.9), False)])

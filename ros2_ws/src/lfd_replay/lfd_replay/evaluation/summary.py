@@ -233,7 +233,7 @@ MECHANISM_COLUMNS = (
 )  # fmt: skip
 
 
-def mechanism_rows(ablation: dict[str, dict[str, dict[str, float]]]) -> Rows:
+def mechanism_rows(ablation: dict[str, dict[str, dict[str, float | None]]]) -> Rows:
     """What each mechanism contributes: only where something differs from the profile as it is."""
     rows: Rows = []
     reference = ablation.get(AS_IT_IS, {})
@@ -241,12 +241,13 @@ def mechanism_rows(ablation: dict[str, dict[str, dict[str, float]]]) -> Rows:
         for title, figures in groups.items():
             if name != AS_IT_IS and figures == reference[title]:
                 continue
+            count = figures["signals"]
             rows.append(
                 (
                     name,
                     title,
-                    f"{figures['found']:.1%} of {figures['signals']}",
-                    f"{figures['flagged']:.1%}",
+                    f"{figures['found']:.1%} of {count}" if count else "-",
+                    f"{figures['flagged']:.1%}" if count else "-",
                     f"{figures['blamed']}",
                     f"{figures['stuck']}",
                     f"{figures['false']}",

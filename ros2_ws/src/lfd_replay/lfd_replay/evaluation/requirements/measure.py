@@ -22,7 +22,7 @@ class Requirements:
     findings: list[Finding]
     v2v: list[Finding]
     kinds: dict[str, dict[str, dict[str, int]]]
-    ablation: dict[str, dict[str, dict[str, float]]]
+    ablation: dict[str, dict[str, dict[str, float | None]]]
 
 
 def count_runs(extent: Extent) -> int:

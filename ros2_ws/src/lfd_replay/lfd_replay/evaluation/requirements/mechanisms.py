@@ -1,6 +1,6 @@
 """What each mechanism of the robust profile contributes: each is switched off, one by one."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 from lfd_replay.evaluation.fault_windows import PAPER
@@ -117,24 +117,29 @@ def ablation_runs(extent: Extent, recorded: bool) -> dict[tuple[str, str], list[
 
 def ablation_table(
     ablated: dict[tuple[str, str], list[Run]], of: Callable[[Run, str], dict]
-) -> dict[str, dict[str, dict[str, float]]]:
+) -> dict[str, dict[str, dict[str, float | None]]]:
     """By mechanism and group: share found, and flagged to the end, wrong blame, false events.
 
-    `of`: what `run_windows` gave for a run and a profile.
+    Of no window at all there is no share: None. `of`: what `run_windows` gave for a run and a
+    profile.
     """
-    table: dict[str, dict[str, dict[str, float]]] = {}
+    table: dict[str, dict[str, dict[str, float | None]]] = {}
     for (name, title), runs in ablated.items():
         results = [of(run, "robust") for run in runs]
         windows = [w for result in results for w in result["windows"]]
         made = [m for w in windows for m in w["signals"].values()]
-        flagged = [(m["fraction"] or 0.0) >= TO_ITS_END for m in made]
         table.setdefault(name, {})[title] = {
-            "found": sum(m["delay"] is not None for m in made) / len(made) if made else 1.0,
+            "found": _share(m["delay"] is not None for m in made),
             "signals": len(made),
-            "flagged": sum(flagged) / len(made) if made else 1.0,
+            "flagged": _share((m["fraction"] or 0.0) >= TO_ITS_END for m in made),
             "blamed": sum(bool(w["blamed"]) for w in windows),
             "stuck": sum(not is_clear_soon(m) for m in made),
             "false": sum(len(e) for r in results for e in r["false"].values()),
             "ready": min(min(r["ready"][s] for s in JUDGED) for r in results),
         }
     return table
+
+
+def _share(marks: Iterable[bool]) -> float | None:
+    marks = list(marks)
+    return sum(marks) / len(marks) if marks else None
