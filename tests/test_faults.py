@@ -71,10 +71,40 @@ def test_offset_of_several_signals_acts_on_each() -> None:
             "no sample from 0 to 0.5 s",
         ),
         ("zero:host_speed@1-2", "fault 'zero:host_speed@1-2' does nothing to host_speed: "),
+        (
+            "hold:clearance@3-4",
+            "fault 'hold:clearance@3-4' does nothing to clearance: no value bef",
+        ),
+        (
+            "hold:acceleration@0-5",
+            "fault 'hold:acceleration@0-5' does nothing to acceleration: "
+            "no value before 0 s that it could hold",
+        ),
+        (
+            "offset:clearance=0,acceleration=0@0-5",
+            "fault 'offset:clearance=0,acceleration=0@0-5' does nothing to clearance and "
+            "acceleration: every value from 0 to 5 s stays as it is",
+        ),
+        (
+            "offset:clearance=0,acceleration=1@0-5",
+            "fault 'offset:clearance=0,acceleration=1@0-5' d",
+        ),
+        ("gain:acceleration=1@0-5", "fault 'gain:acceleration=1@0-5' does nothing to acceleration"),
+        ("ramp:clearance=0@0-5", "fault 'ramp:clearance=0@0-5' does nothing to clearance"),
+        ("noise:clearance=0@0-5", "fault 'noise:clearance=0@0-5' does nothing to clearance"),
+        ("delay:acceleration=0.5@0-5", "fault 'delay:acceleration=0.5@0-5' does nothing to accel"),
+        (
+            "hold:acceleration@1-5",
+            "fault 'hold:acceleration@1-5' does nothing to acceleration: eve",
+        ),
+        ("dropout:clearance@3-4", ""),
+        ("dropout:acceleration@1-2", ""),
+        ("noise:clearance=1@3-4", ""),
+        ("zero:acceleration@1-2", ""),
         ("zero:clearance@5-6", "fault 'zero:clearance@5-6' starts after the end of the drive (4.0"),
     ],
 )
-def test_a_fault_that_meets_no_sample_is_told_of(text: str, said: str) -> None:
+def test_a_fault_that_changes_nothing_is_told_of(text: str, said: str) -> None:
     """Not found, it would look like one that was missed."""
     empty = RadarSample(ZERO + 1_000_000_000, False, math.nan, math.nan)
     samples = [accel(0), empty, accel(1), accel(2), radar(3), accel(4)]

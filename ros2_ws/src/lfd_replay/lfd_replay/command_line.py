@@ -145,9 +145,8 @@ def idle_faults(drive: Drive, faults: list[Fault]) -> list[str]:
     ):
         late = late_faults([fault], duration)
         said += late
-        if spared and not late:
-            within = f"no sample from {fault.start * 1e-9:g} to {fault.end * 1e-9:g} s"
-            said.append(f"fault '{fault.text}' does nothing to {' and '.join(spared)}: {within}")
+        for why, signals in spared.items() if not late else ():
+            said.append(f"fault '{fault.text}' does nothing to {' and '.join(signals)}: {why}")
     return said
 
 

@@ -9,7 +9,7 @@ import re
 from bisect import bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from math import isfinite, nan
+from math import isfinite, isnan, nan
 
 import numpy as np
 
@@ -204,6 +204,11 @@ class _Effect:
             return value
         return getattr(self, f"_{self._kind}")(stamp, value)
 
+    @property
+    def holds_nothing(self) -> bool:
+        """Whether there was no value yet that it could hold."""
+        return self._kind == "hold" and self._before is None
+
     def _offset(self, stamp: int, value: float) -> float:
         return value + self._value
 
@@ -239,8 +244,10 @@ class _Effect:
         return value + self._value
 
 
-def spared_signals(faults: list[Fault], samples: Iterable[Sample], zero: int) -> list[list[str]]:
-    """For each fault those of its signals that no sample holds within its time."""
+def spared_signals(
+    faults: list[Fault], samples: Iterable[Sample], zero: int
+) -> list[dict[str, list[str]]]:
+    """For each fault those of its signals that it leaves as they are, by the reason in words."""
     streams = streams_of(samples)
     scans = streams.get(RADAR, [])
     # Without a lead there is nothing that could be measured wrongly.
@@ -248,13 +255,37 @@ def spared_signals(faults: list[Fault], samples: Iterable[Sample], zero: int) ->
     stamps = {name: stamps_of(own) for name, own in streams.items()}
     every_scan, never = stamps_of(scans), stamps_of(())
 
-    def is_spared(fault: Fault, signal: str) -> bool:
-        at = stamps.get(RADAR if signal in RADAR_SIGNALS else signal, never)
-        if signal in RADAR_SIGNALS and _silences(fault, signal):
-            at = every_scan
-        return not ((zero + fault.start <= at) & (at < zero + fault.end)).any()
+    def why(fault: Fault, signal: str, value: float | None) -> str:
+        source = RADAR if signal in RADAR_SIGNALS else signal
+        is_silenced = _silences(fault, signal)
+        at = every_scan if source == RADAR and is_silenced else stamps.get(source, never)
+        within = f"from {fault.start * 1e-9:g} to {fault.end * 1e-9:g} s"
+        if not ((zero + fault.start <= at) & (at < zero + fault.end)).any():
+            return f"no sample {within}"
+        if is_silenced:
+            return ""
+        effect = _Effect(fault, signal, value, zero, 0)
+        values = (
+            (s.stamp, getattr(s, signal if source == RADAR else "value")) for s in streams[source]
+        )
+        if any(not _is_same(effect(stamp, true), true) for stamp, true in values):
+            return ""
+        if effect.holds_nothing:
+            return f"no value before {fault.start * 1e-9:g} s that it could hold"
+        return f"every value {within} stays as it is"
 
-    return [[signal for signal in fault.signals if is_spared(fault, signal)] for fault in faults]
+    found: list[dict[str, list[str]]] = []
+    for fault in faults:
+        reasons: dict[str, list[str]] = {}
+        for signal, value in fault.values:
+            reasons.setdefault(why(fault, signal, value), []).append(signal)
+        reasons.pop("", None)
+        found.append(reasons)
+    return found
+
+
+def _is_same(one: float, other: float) -> bool:
+    return one == other or (isnan(one) and isnan(other))
 
 
 def truth_windows(faults: list[Fault], signal: str) -> list[tuple[float, float]]:
