@@ -13,11 +13,11 @@ from rich.table import Table
 
 from lfd_diagnosis.verdict import SIGNALS
 from lfd_mpc.errors import UserError
-from lfd_mpc.settings import STEP_NS
 from lfd_replay.command_line import CountingProgress, say_warnings
 from lfd_replay.errors import refusal
 from lfd_replay.journal import Journal, Task, run_tasks, workers
 from lfd_replay.read_drive import is_drive
+from lfd_replay.score import hours_of
 from lfd_replay.text_file import is_stream, write_text
 
 
@@ -142,13 +142,9 @@ def together(results: list[dict]) -> dict:
         "drives": results,
         "failed": len(results) - len(good),
         # Of what was judged: a drive may be long and give no step.
-        "hours": round(_hours(sum(result["steps"] for result in good)), 6),
+        "hours": round(hours_of(sum(result["steps"] for result in good)), 6),
         "sensors": sensors,
     }
-
-
-def _hours(steps: int) -> float:
-    return steps * STEP_NS * 1e-9 / 3600.0
 
 
 def _ready(result: dict) -> float:
@@ -171,7 +167,7 @@ def many_table(results: list[dict], profile: str) -> Table:
     for result in good:
         table.add_row(
             Path(result["drive"]).name,
-            f"{_hours(result['steps']):.3f}",
+            f"{hours_of(result['steps']):.3f}",
             f"{_ready(result):.1%}",
             f"{result['realtime_factor']:.0f}",
             *(_cell(result["sensors"][name]) for name in SIGNALS),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lfd_diagnosis.verdict import SIGNALS, Report, State
 from lfd_mpc.samples import HOST_SPEED
-from lfd_mpc.settings import STEP_NS
+from lfd_mpc.settings import STEP_NS, STEP_S
 from lfd_replay.faults import Fault, truth_windows
 
 Interval = tuple[float, float]
@@ -19,6 +19,11 @@ TRUE_SIGNALS = (*SIGNALS, HOST_SPEED)
 
 GRACE = 1.0
 """Seconds after the end of a window in which a flag still belongs to it."""
+
+
+def hours_of(steps: int) -> float:
+    """Hours that so many steps are."""
+    return steps * STEP_S / 3600.0
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from lfd_diagnosis.roughness import SECOND_DIFFERENCES
 from lfd_diagnosis.verdict import State
 from lfd_mpc.arrays import Array
 from lfd_mpc.samples import Sample
-from lfd_mpc.settings import STEP_S
 from lfd_replay.evaluation.cases import load_drive
 from lfd_replay.evaluation.cusum import Cusum, residuals
 from lfd_replay.evaluation.detectors import (
@@ -34,7 +33,7 @@ from lfd_replay.evaluation.trace import JUDGED, Trace, load_trace
 from lfd_replay.evaluation.variants import trace_variants, variants
 from lfd_replay.faults import Fault, FaultInjector, truth_windows
 from lfd_replay.profiles import GraphSettings, graph_settings
-from lfd_replay.score import find_windows, inside, intervals
+from lfd_replay.score import find_windows, hours_of, inside, intervals
 
 AS_PUBLISHED = "paper, as published"
 
@@ -70,7 +69,7 @@ def record_normal(name: str, settings: GraphSettings, files: dict[str, Path]) ->
     traces = trace_variants(variants(settings), drive.samples, drive.zero)
     for variant, trace in traces.items():
         trace.save(files[variant])
-    return len(traces[PUBLISHED].stamps) * STEP_S / 3600.0
+    return hours_of(len(traces[PUBLISHED].stamps))
 
 
 def normal_scales(traces: list[Trace], names: list[str], settings: GraphSettings) -> NormalScales:

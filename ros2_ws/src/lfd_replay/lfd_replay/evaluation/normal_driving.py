@@ -9,10 +9,9 @@ from scipy.signal import savgol_filter
 from lfd_diagnosis.verdict import SIGNALS, State
 from lfd_mpc.arrays import Array
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR
-from lfd_mpc.settings import STEP_S
 from lfd_replay.drive import Drive
 from lfd_replay.evaluation.trace import JUDGED, Trace
-from lfd_replay.score import intervals
+from lfd_replay.score import hours_of, intervals
 
 SMOOTHING = 1.0
 """Window in s over which speeds are differentiated."""
@@ -145,11 +144,11 @@ def index_statistics(traces: list[Trace]) -> IndexStatistics:
         std[signal] = float(values[signal].std()) if len(values[signal]) else np.nan
     known = np.isfinite(indices).all(axis=1)
     zero_share["all"] = float((indices[known] == 0.0).all(axis=1).mean()) if known.any() else np.nan
-    seconds = sum(len(trace.stamps) for trace in traces) * STEP_S
+    hours = hours_of(sum(len(trace.stamps) for trace in traces))
     false_events = {
         signal: sum(
             len(intervals(trace.stamps, trace.state(signal) == State.FAULT)) for trace in traces
         )
         for signal in SIGNALS
     }
-    return IndexStatistics(seconds / 3600.0, zero_share, mean, std, values, false_events)
+    return IndexStatistics(hours, zero_share, mean, std, values, false_events)

@@ -44,6 +44,7 @@ from lfd_replay.generated.lead_profiles import IN_TRAFFIC
 from lfd_replay.offline import OfflineGraph
 from lfd_replay.profiles import PROFILES, GraphSettings, graph_settings
 from lfd_replay.read_drive import ReadOptions
+from lfd_replay.score import hours_of
 
 NEAREST = "nearest in path"
 """The recorded drive's nearest target in path: its track ids change with every swap."""
@@ -299,7 +300,7 @@ def _hours(view: Seen, faults: list[Fault]) -> float:
     counts = np.ones(len(view.times), dtype=bool)
     for fault in faults:
         counts &= (view.times < fault.start * 1e-9) | (view.times >= fault.end * 1e-9 + FOLLOWS)
-    return int(counts.sum()) * STEP_S / 3600.0
+    return hours_of(int(counts.sum()))
 
 
 def clear_from(times: Array, flags: NDArray[np.bool_], end: float) -> float | None:
