@@ -26,10 +26,11 @@ from rich.table import Table
 
 from lfd_mpc.errors import UserError
 from lfd_replay.errors import run_command
+from lfd_replay.evaluation.cases import lead_file
 from lfd_replay.paths import make_folder
 
 ROOT = Path(__file__).resolve().parent.parent
-RECORDED = ROOT.parent / "shared/data/comma2k19_rav4_seg40_lead.csv"
+RECORDED = lead_file(ROOT.parent / "shared/data")
 
 
 def parts(full: bool, work: Path) -> dict:

@@ -13,7 +13,7 @@ from lfd_replay.command_line import CountingProgress, parse_campaign, print_tabl
 from lfd_replay.errors import run_command
 from lfd_replay.evaluation import summary
 from lfd_replay.evaluation.campaign import evaluate_paper, full, plain
-from lfd_replay.evaluation.cases import RECORDED
+from lfd_replay.evaluation.cases import lead_file
 from lfd_replay.evaluation.page import write_evaluation_page
 from lfd_replay.journal import workers
 from lfd_replay.paths import named_path
@@ -23,9 +23,10 @@ from lfd_replay.text_file import write_text
 
 def recorded_drive(folder: Path) -> Path | None:
     """The folder, where the recorded drive lies in it; None and a word where it does not."""
-    if (folder / f"{RECORDED}_lead.csv").is_file():
+    lead = lead_file(folder)
+    if lead.is_file():
         return folder
-    print(f"NOT RUN on the recorded drive: {folder} holds no {RECORDED}_lead.csv", file=sys.stderr)
+    print(f"NOT RUN on the recorded drive: {folder} holds no {lead.name}", file=sys.stderr)
     return None
 
 

@@ -88,6 +88,11 @@ def load_drive(name: str, recorded: Path | None, seed: int = 0) -> Drive:
     return behind_recorded(recorded, "lead")
 
 
+def lead_file(folder: Path, lead: str = "lead") -> Path:
+    """The file of one lead of the recorded drive in its folder; `lead`: the end of its name."""
+    return folder / f"{RECORDED}_{lead}.csv"
+
+
 def behind_recorded(recorded: Path, lead: str, options: ReadOptions | None = None) -> Drive:
     """The recorded car's own sensors behind that lead of its radar. Raises UserError.
 
@@ -95,7 +100,7 @@ def behind_recorded(recorded: Path, lead: str, options: ReadOptions | None = Non
     """
     base = recorded / RECORDED
     return join_drive(
-        Path(f"{base}_{lead}.csv"),
+        lead_file(recorded, lead),
         f"{base}.can_accel_0x24.csv:acc_forward_mps2",
         f"{base}.speed.csv",
         options,
