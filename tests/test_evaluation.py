@@ -111,6 +111,7 @@ def test_the_kalman_filter_finds_the_radar_fault_in_two_scans_and_no_outlier(
 ) -> None:
     detector = kalman()
     quiet = choose(detector, count_false_events(detector, healthy, 0)["clearance"], 0)
+    assert quiet.false_events == 0
     flags = detector.flags("clearance", detector.scores(faulty)["clearance"], quiet.setting)
     (found,), _ = find_windows(faulty.stamps, flags, [(20.0, 24.0)])
     assert found.delay is not None and 0.04 < found.delay <= 0.13
