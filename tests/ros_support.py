@@ -5,7 +5,7 @@ import os
 import subprocess
 import time
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 
@@ -38,12 +38,27 @@ def profile_arguments(profile: str) -> list[str]:
 _WORKERS = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
 _WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
 _RUN = zlib.crc32(os.environ.get("PYTEST_XDIST_TESTRUNUID", str(os.getpid())).encode())
-_domains = itertools.count(_WORKER, _WORKERS)
+
+DOMAINS = range(1, 101)
+"""Domain ids whose ports the system gives to nobody else; 0 is everybody's."""
+
+
+def domains_of(worker: int, workers: int, run: int) -> Iterator[int]:
+    """Domain ids of one of so many workers, in turn: no other worker's, however long they go on.
+
+    `run`: where a run begins, so that it hardly meets another one on this machine.
+    """
+    own = len(DOMAINS) // workers
+    for turn in itertools.count():
+        yield DOMAINS[(run + worker * own + turn % own) % len(DOMAINS)]
+
+
+_domains = domains_of(_WORKER, _WORKERS, _RUN)
 
 
 def next_domain() -> int:
-    """A domain id that no other test of this run uses, and hardly another run on this machine."""
-    return 1 + (_RUN + next(_domains)) % 100
+    """A domain id that no other test uses now, and hardly another run on this machine."""
+    return next(_domains)
 
 
 def run(*arguments: str | Path, **options) -> subprocess.CompletedProcess[str]:
