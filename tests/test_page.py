@@ -1,5 +1,6 @@
 """The page in a real browser: it loads, every figure is drawn, a case can be chosen."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -184,6 +185,16 @@ def test_a_panels_legend_hides_no_line_of_it(
 def test_each_figure_says_what_it_shows(cases: list[Figure], figures: list[Figure]) -> None:
     for figure in (*cases, *figures):
         assert len(figure.says) > 40 and figure.says.endswith("."), figure.key
+
+
+def test_what_the_observer_is_off_by_for_good_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A deviation about the mean would call a constant error none."""
+    recording, own = record(""), Recording.bank
+    before = reconstruction_figure("key", "title", recording).says
+    monkeypatch.setattr(Recording, "bank", lambda self, name: own(self, name) + 5.0)
+    after = reconstruction_figure("key", "title", recording).says
+    rms = [float(re.search(r"by ([\d.]+) m/s² rms", said)[1]) for said in (before, after)]
+    assert rms[0] < 3.0 < 4.9 < rms[1]
 
 
 def test_a_case_has_the_panels_of_the_paper(cases: list[Figure]) -> None:

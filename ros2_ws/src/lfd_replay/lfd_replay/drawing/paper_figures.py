@@ -154,7 +154,7 @@ def reconstruction_figure(key: str, title: str, recording: Recording) -> Figure:
             [Line("output error", time, recording.bank("output_error")[:, 0], DARK, 0.8)],
         ),
     ]
-    off = np.nanstd(reconstructed - differentiated)
+    off = np.sqrt(np.nanmean((reconstructed - differentiated) ** 2))
     says = (
         f"The equivalent injection follows the relative acceleration; it differs from the "
         f"derivative, taken afterwards, by {off:.2f} m/s² rms, most of it the injection's ripple."
