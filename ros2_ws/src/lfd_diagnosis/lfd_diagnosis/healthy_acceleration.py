@@ -5,7 +5,7 @@ from math import isnan, sqrt
 from lfd_diagnosis.acceleration_jump import is_measured
 from lfd_diagnosis.acceleration_size import BLIND_STD, DRIFT_TIME, SLOPE_DRIFT
 from lfd_diagnosis.acceleration_state import BASELINE_DELAY, LEVEL_ROAD, newest_sample
-from lfd_diagnosis.host_speed import is_usable
+from lfd_diagnosis.host_speed import is_standing, is_usable
 from lfd_diagnosis.roughness import SECOND_DIFFERENCES
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
@@ -53,11 +53,19 @@ def expected_acceleration(monitor, settings):
     if is_usable(monitor.speed, settings):
         if monitor.corrected:
             return newest_sample(monitor) - monitor.size
-        slope = monitor.slope if isnan(monitor.reference) else monitor.reference
-        return monitor.acceleration + slope
+        return monitor.acceleration + _slope(monitor)
+    if is_standing(monitor.speed):
+        # It does not accelerate, whatever its speed's derivative has to settle from.
+        return _slope(monitor)
     if isnan(monitor.lead_reference) or isnan(monitor.lead):
         return monitor.acceleration + monitor.slope
     return monitor.lead_reference - monitor.relative_slow
+
+
+@inner
+def _slope(monitor):
+    """Of the road by now, as far as is known (m/s^2)."""
+    return monitor.slope if isnan(monitor.reference) else monitor.reference
 
 
 @inner

@@ -11,6 +11,7 @@ from lfd_diagnosis.repetition import (
     excuse_repetition,
     is_beyond_chance,
     is_frozen,
+    is_seldom,
     note_change,
     restart_repetition,
     start_repetition,
@@ -298,12 +299,12 @@ def _look_for_hold(speed):
 @inner
 def speed_seems_held(speed, agrees_with_then, is_unlikely):
     """Whether it may be held by now, so that its derivative tells nothing: it has said the same for
-    longer than chance would have it, or for a moment in which nothing else changed, or what is felt
+    longer than it seldom does, or for a moment in which nothing else changed, or what is felt
     should have moved it, and the lead makes it unlikely. Also that of a car that seems to stand."""
     for_a_moment = speed.same >= speed.repetition.least
     missed = for_a_moment or abs(speed.missed) > _least_missed(speed)
     may_be = (for_a_moment and agrees_with_then) or (missed and is_unlikely)
-    return may_be or is_beyond_chance(speed.repetition, speed.same)
+    return may_be or is_seldom(speed.repetition, speed.same)
 
 
 @inner
@@ -357,6 +358,9 @@ def _starts_or_stops(speed, value):
 @inner
 def _rests_with_a_jerk(speed, value):
     """Whether it comes to rest out of hard braking, or has by now: it is told late."""
+    if seems_to_stand(speed) and value <= STANDING:
+        # It does already.
+        return False
     seldom = seldom_heard(speed)
     soon = value + (LATENESS + seldom) * speed.derivative
     slow = max(value, speed.last) < DEAD - seldom * speed.derivative

@@ -6,9 +6,9 @@ import numpy as np
 
 from lfd_mpc.compiled import inner
 
-CHANCE, REMOTE = 1e-5, 1e-7
+CHANCE, REMOTE, SELDOM = 1e-5, 1e-7, 1e-4
 """Probability below which a run of equal samples is no coincidence, where the signal should have
-changed and where nothing says so."""
+changed and where nothing says so, and below which it may well be none."""
 
 NO_CHANCE = 2.0
 """How many times longer than chance would have it the longest run of a healthy signal is."""
@@ -133,6 +133,12 @@ def run_by_chance(repetition, probability):
 def is_beyond_chance(repetition, run):
     """Whether so many equal samples in a row are no coincidence."""
     return run >= max(repetition.least, run_by_chance(repetition, CHANCE))
+
+
+@inner
+def is_seldom(repetition, run):
+    """Whether so many equal samples in a row may well be no coincidence, however few they are."""
+    return repetition.samples >= ENOUGH and run >= run_by_chance(repetition, SELDOM)
 
 
 @inner
