@@ -125,7 +125,7 @@ def judge_acceleration(
         ends = _ends_the_last(monitor, settings) or _leads_back(monitor, settings)
         if ends or _began_wrongly(monitor):
             _end_the_last(monitor)
-        elif settings.check_speed and is_the_speeds(monitor):
+        elif settings.check_speed and is_the_speeds(monitor, settings):
             if _take_for_the_speeds(monitor, settings):
                 _hold_against_evidence(monitor, settings, False, relative_velocity, lead_report)
         else:

@@ -13,7 +13,7 @@ from lfd_diagnosis.acceleration_against_speed import (
     difference,
     lead_speaks_for,
 )
-from lfd_diagnosis.acceleration_jump import own_share, steps_since
+from lfd_diagnosis.acceleration_jump import jump_noise, own_share, steps_since
 from lfd_diagnosis.acceleration_state import has_leapt
 from lfd_diagnosis.evidence import Ground, is_gauged
 from lfd_diagnosis.host_speed import (
@@ -29,8 +29,8 @@ from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
 
 AGAINST_IT, NONE_OF_IT = -1.5, 0.4
-"""Shares of a change from and to which the accelerometer made none of it, but for its noise: wheels
-slip as the car brakes or speeds up, which is felt as well."""
+"""Shares of a change from and to which the accelerometer surely made none of it: wheels slip as the
+car brakes or speeds up, which is felt as well; where the road bends it is not."""
 
 OWN_LEAP = 60
 """Steps within which the accelerometer leapt where that made what is found now."""
@@ -43,7 +43,7 @@ STILL = 0.5
 
 
 @inner
-def is_the_speeds(monitor):
+def is_the_speeds(monitor, settings):
     """Whether what disagrees with the speed surely is none of the accelerometer's doing."""
     check, repetition = monitor.check, monitor.repetition
     if check.ground != Ground.HOST_SPEED or not is_gauged(check.kind):
@@ -52,7 +52,10 @@ def is_the_speeds(monitor):
     if leapt or is_beyond_chance(repetition, repetition.run):
         # What is held feels nothing, either.
         return False
-    return AGAINST_IT < own_share(monitor.jump, check.residual) < NONE_OF_IT
+    share = own_share(monitor.jump, check.residual)
+    doubt = jump_noise(monitor.jump) / abs(check.residual)
+    least = doubt - NONE_OF_IT if seems_road(monitor, settings) else AGAINST_IT
+    return least < share < NONE_OF_IT - doubt
 
 
 @inner
