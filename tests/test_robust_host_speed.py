@@ -224,6 +224,34 @@ def test_a_held_host_speed_is_believed_soon_after_it_moves_again(car: Car) -> No
     assert car.faults_since(start) == {"host_speed"}
 
 
+@pytest.mark.parametrize("braking", [3.5, 6.0, 9.0])
+@pytest.mark.parametrize("kind", ["held", "offset"])
+def test_a_car_that_has_braked_to_rest_stands_whatever_its_accelerometer_says(
+    kind: str, braking: float
+) -> None:
+    car = Car()
+    car.drive(12.0)
+    braked = 0.0
+    while car.speed > 0.0:
+        braked = min(braked + 0.12, braking)
+        car.speed = max(car.speed - 0.01 * braked, 0.0)
+        car.velocity = 0.0
+        fault = {"acceleration": 3.0 - braked}
+        if kind == "held":
+            fault = (
+                {"acceleration_is": -braking} if braked == braking else {"acceleration": -braked}
+            )
+        car.step(**fault)
+    rested = car.number
+    for _ in range(400):
+        car.step(**({"acceleration_is": -braking} if kind == "held" else {"acceleration": 3.0}))
+    assert "acceleration" in car.faults_since(1200)
+    since = car.outcomes[rested + 100 :]
+    assert all(outcome.report.host_speed.state == State.OK for outcome in since)
+    made = [outcome.reconstruction for outcome in car.outcomes[rested + 30 :]]
+    assert all(abs(m.acceleration) < 1.5 for m in made if m.acceleration_valid)
+
+
 def test_a_host_speed_that_fell_to_zero_is_faulty_until_it_moves_again(car: Car) -> None:
     outcome = car.drive(9.0, host_speed_is=0.0)
     assert outcome.report.host_speed.state == State.FAULT
@@ -307,6 +335,24 @@ def test_the_leads_word_finds_what_nothing_else_does() -> None:
         car.drive(1.0, acceleration=2.0)
         found[lead] = car.faults_since(start)
     assert found == {True: {"acceleration"}, False: set()}
+
+
+@pytest.mark.parametrize("braking", [4.0, 6.0])
+def test_the_leads_word_blames_no_car_that_brakes_as_its_lead_does(braking: float) -> None:
+    """Which a radar sees 0.17 s later than the accelerometer feels it."""
+    car = Car(host_speed=False, lead=True)
+    car.drive(8.0)
+    start, seen, said = car.number, [0.0] * 17, [0.0] * 10
+    for k in range(250):
+        car.lead_acceleration = -braking * min(k / 30, 1.0)
+        felt = -braking * min(max(k - 50, 0) / 30, 1.0)
+        seen.append(car.velocity)
+        said.append(car.lead_acceleration)
+        car.velocity -= 0.01 * felt
+        velocity = seen[-17] + 0.03 * car.random.normal()
+        word = said[-11] + 0.1 * car.random.normal()
+        car.step(acceleration=felt, relative_velocity_is=velocity, lead_acceleration_is=word)
+    assert "acceleration" not in car.faults_since(start)
 
 
 @pytest.mark.parametrize("host_speed", [True, False])

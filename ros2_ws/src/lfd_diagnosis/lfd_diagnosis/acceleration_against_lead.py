@@ -73,6 +73,9 @@ BACK_TO_USUAL = 2.0
 
 RELATIVE_SHARE = share_of(SMOOTH)
 
+SEEN_SHARE = share_of(0.3)
+"""Share of a change that observers behind a late radar see in a step, once it is over."""
+
 RESTS_WITH = 0.3
 """m/s of relative velocity up to which the lead may as well rest with the car."""
 
@@ -162,6 +165,17 @@ def _report_limit(monitor, settings):
 
 
 @inner
+def _follow_unseen(monitor):
+    """What the accelerometer lately changed by as a car does: a radar that is late has not seen it
+    yet. What leapt is the sensor's own."""
+    monitor.unseen *= 1.0 - SEEN_SHARE
+    if monitor.leapt_for:
+        monitor.unseen = 0.0
+    elif is_full(monitor.own_recent):
+        monitor.unseen = max(monitor.unseen, abs(monitor.filtered - at(monitor.own_recent, 0)))
+
+
+@inner
 def _against_report(monitor, settings, lead_report):
     """Blamed only for what it did itself: the lead's word or the radar may be wrong as well."""
     off = monitor.lead - lead_report.acceleration
@@ -174,6 +188,8 @@ def _against_report(monitor, settings, lead_report):
         learn_noise(monitor.report_noise, residual, 0.0)
     if own * residual < 0.0 or abs(own) < OWN_SHARE * abs(residual):
         residual = 0.0
+    _follow_unseen(monitor)
+    limit += monitor.unseen
     if abs(residual) > limit:
         monitor.lead_reference = monitor.lead_slow
     _take_if_worse(monitor.check, Ground.LEADS_WORD, residual, limit)

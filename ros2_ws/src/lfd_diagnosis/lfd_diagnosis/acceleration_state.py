@@ -130,6 +130,7 @@ ACCELERATION = np.dtype(
         ("before", "f8"),
         ("relative_before", "f8"),
         ("report_off", "f8"),
+        ("unseen", "f8"),
         ("report_noise", LEARNT_NOISE),
         # The newest verdict.
         ("ticks", "i8"),
@@ -193,7 +194,8 @@ Against the lead. `relative_now` is what observers say of two steps, `relative_s
 `relative` the last one that was no answer to a jump; nothing for `radar_gone` steps. `lead` is what
 it then does, `lead_slow` and `own_slow` what it and the host did a moment ago. A jump has
 `jumped_for` more steps to be answered in; `before`, `relative_before`: samples and `relative_slow`
-as it began. `report_off`: what the lead's word is off by.
+as it began. `report_off`: what the lead's word is off by, `unseen`: what observers may not have
+seen yet of what is felt.
 
 A fault. It is held against `reference`, the slope by now, or `lead_reference`; `off` and `felt` are
 the means of what it is off by and of what it and the speed differ by; `settled` steps old.
@@ -265,7 +267,8 @@ def lose_samples(monitor):
     monitor.lead = monitor.lead_slow = monitor.own_slow = np.nan
     start_ring(monitor.lead_recent, BASELINE_DELAY)
     start_ring(monitor.own_recent, BASELINE_DELAY)
-    monitor.report_off, monitor.jumped_for = 0.0, 0
+    monitor.report_off = monitor.unseen = 0.0
+    monitor.jumped_for = 0
 
 
 @inner
