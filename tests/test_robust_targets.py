@@ -918,3 +918,36 @@ def test_a_relative_velocity_that_is_not_heard_of_another_id_is_not_known(car: C
     assert made.clearance_valid and not made.relative_velocity_valid
     made = car.drive(1.0).reconstruction
     assert made.clearance_valid and made.relative_velocity_valid and not car.faults_since(0)
+
+
+@pytest.mark.parametrize("farther", [-15.0, 25.0])
+@pytest.mark.parametrize("zero", [False, True])
+@pytest.mark.parametrize("unfound", [False, True])
+def test_a_clearance_that_repeats_itself_does_not_tell_which_car_another_id_is(
+    car: Car, farther: float, zero: bool, unfound: bool
+) -> None:
+    """The other car is just as fast: nothing else would tell, either."""
+    car.lead_acceleration = 1.0
+    car.drive(2.0)
+    car.lead_acceleration, said = 0.0, 0.0 if zero else car.clearance
+    car.drive(0.15 if unfound else 1.0, clearance_is=said)
+    assert car.outcomes[-1].reconstruction.clearance_valid
+    car.track_id, car.clearance, start = 2, car.clearance + farther, car.number
+    for _ in range(200):
+        made = car.step(clearance_is=said).reconstruction
+        assert not made.clearance_valid or car.number <= start + (8 if unfound else 1) * SCAN
+    assert car.outcomes[-1].report.clearance.state == State.FAULT
+    start, outcome = car.number, car.drive(0.8)
+    assert outcome.report.clearance.state == State.OK
+    assert abs(outcome.reconstruction.clearance - car.clearance) < 0.3
+    car.drive(5.0)
+    assert not car.faults_since(start)
+
+
+def test_an_offset_beside_a_clearance_that_repeats_itself_outlasts_another_id(car: Car) -> None:
+    off = {"clearance_is": 0.0, "relative_velocity": 3.0}
+    car.drive(1.0, clearance_is=0.0)
+    car.drive(1.0, **off)
+    car.track_id = 2
+    verdict = car.drive(8.0, **off).report.relative_velocity
+    assert (verdict.state, verdict.kind) == (State.FAULT, Kind.OFFSET)

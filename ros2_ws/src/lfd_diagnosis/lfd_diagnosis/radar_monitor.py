@@ -54,6 +54,7 @@ from lfd_diagnosis.radar_target import (
     begin_another,
     begin_target,
     change_target,
+    doubt_repeated,
     has_another_id,
     is_another_in_part,
     is_settling,
@@ -384,6 +385,7 @@ def _judge(radar, settings, repeated):
     _judge_signal(radar, settings, clearance, measured_clearance, True, repeated)
     _judge_signal(radar, settings, velocity, measured_velocity, False, repeated)
     _doubt_what_was_taught(radar, settings, age, clearance_was_faulty, velocity_was_faulty)
+    doubt_repeated(radar)
     if repeated:
         return
     radar.before, radar.before_at = track, radar.now

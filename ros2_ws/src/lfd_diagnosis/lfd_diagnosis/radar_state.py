@@ -127,6 +127,7 @@ RADAR = np.dtype(
         ("scans", "i8"),
         ("unseen", "?"),
         ("other_in_part", "?"),
+        ("other_repeats", "?"),
         ("followed", "i8"),
         ("begun_at", "f8"),
         ("begun_beside", "f8"),
@@ -158,11 +159,11 @@ The target. `id`, seen first at `begun_at` (s), of so many `scans`, so far `begu
 one before if it is just as fast, else NaN; other ids' targets are `remembered`. `track` is where it
 is, if that is known (`has_track`), `before` the same as it was at `before_at` (s), when the last
 scan was not yet taken; `taught`: whether the relative velocity has corrected it since it was
-faulty. While it is `unseen` the radar says that it sees no lead, while it is
-`other_in_part` scans of which one signal is missing have another id; `followed`: scans that it was
-seen in, less what was lost of it. `slow_acceleration` and `slower_acceleration`: the lead's through
-one and two filters, while the relative velocity is healthy. `leap`: what jumps and may be another
-target.
+faulty. While it is `unseen` the radar says that it sees no lead, while it is `other_in_part` scans
+of which one signal is missing have another id; `other_repeats`: whether it may be another car since
+the clearance repeats itself; `followed`: scans that it was seen in, less what was lost of it.
+`slow_acceleration` and `slower_acceleration`: the lead's through one and two filters, while the
+relative velocity is healthy. `leap`: what jumps and may be another target.
 
 The host. How it accelerates (`host`), its speed (`host_speed`, NaN unless it is believed), and
 whether it surely moves (`host_moves`). `period` (s): between two scans, on average; `rows` tells a
@@ -211,7 +212,7 @@ def start_target(radar, settings):
     radar.has_track, radar.taught = False, True
     radar.before_at = -np.inf
     radar.scans = 0
-    radar.unseen = radar.other_in_part = False
+    radar.unseen = radar.other_in_part = radar.other_repeats = False
     radar.followed = 0
     radar.id = UNKNOWN_TRACK
     radar.remembered_count = 0

@@ -4,6 +4,7 @@ from math import isnan
 
 import numpy as np
 
+from lfd_diagnosis.evidence import repeats
 from lfd_diagnosis.held_radar import begin_to_hold
 from lfd_diagnosis.lead_track import (
     believe,
@@ -214,6 +215,19 @@ def _says_as_before(radar):
 
 
 @inner
+def doubt_repeated(radar):
+    """A clearance that repeats itself says of another id, or after a silence, what it said before:
+    if that is its fault, nobody knows where the car is that it should tell of."""
+    clearance, measured = radar.clearance, radar.measured_clearance
+    radar.other_repeats &= not measured.new or measured.value == clearance.last
+    if radar.other_repeats and repeats(clearance.kind) and not is_reference_lost(radar):
+        # Another fault of the relative velocity goes on as it did, whichever car it is.
+        for signal in (clearance, radar.velocity):
+            if repeats(signal.kind):
+                lose_reference(signal, measured.at)
+
+
+@inner
 def sort_out_target(radar, settings, track_id):
     """Sort out a new track id, or a silence; whether a new target was begun."""
     at = radar.measured_clearance.at
@@ -227,6 +241,8 @@ def sort_out_target(radar, settings, track_id):
         _regain(radar, settings)
     # What was not seen for a moment may be another car.
     unseen, radar.unseen = radar.unseen, False
+    if changed or silent:
+        radar.other_repeats = radar.measured_clearance.value == radar.clearance.last
     followed = radar.followed + 1 - LOSS * unseen
     radar.followed = min(max(followed, 0), MOST_FOLLOWED)
     if goes_on and not unseen:
