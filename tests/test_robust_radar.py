@@ -909,3 +909,53 @@ def test_how_late_a_relative_velocity_is_is_learnt() -> None:
         wander = 0.15 * sin(0.01 * k * 2.0 * pi / 3.1)
         car.step(clearance=wander, relative_velocity_is=late)
     assert not car.faults_since(0)
+
+
+@pytest.mark.parametrize(
+    ("first", "right", "second"),
+    [(4.0, 0.4, -4.0), (10.0, 0.5, -10.0), (4.0, 0.1, -2.0), (4.0, 0.1, 2.0), (3.0, 0.1, -3.0)],
+)
+def test_an_offset_that_begins_while_another_one_clears_is_no_jump_back(
+    car: Car, first: float, right: float, second: float
+) -> None:
+    car.drive(3.0, clearance=first)
+    car.drive(right)
+    car.drive(0.1, clearance=second)
+    start = car.number
+    for _ in range(400):
+        verdict = car.step(clearance=second).report.clearance
+        assert verdict.state == State.FAULT
+    assert abs(verdict.size - second) < 0.3
+    assert car.drive(0.8).report.clearance.state == State.OK
+    car.drive(5.0)
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize(
+    ("name", "first", "later"),
+    [
+        ("clearance", 4.0, -4.0),
+        ("clearance", 4.0, 8.0),
+        ("clearance", 4.0, 2.0),
+        ("relative_velocity", 3.0, 6.0),
+        ("relative_velocity", 3.0, -1.5),
+    ],
+)
+def test_an_offset_that_jumps_is_as_large_as_it_is_now(
+    car: Car, name: str, first: float, later: float
+) -> None:
+    car.drive(3.0, **{name: first})
+    verdict = getattr(car.drive(0.5, **{name: later}).report, name)
+    assert abs(verdict.size - later) < 3.0 * verdict.size_std < 0.6
+    verdict = getattr(car.drive(2.5, **{name: later}).report, name)
+    assert abs(verdict.size - later) < 3.0 * verdict.size_std < 0.6
+    start = car.number
+    assert getattr(car.drive(0.8).report, name).state == State.OK
+    assert not car.faults_since(start)
+
+
+def test_an_outlier_of_an_offset_makes_no_other_offset_of_it(car: Car) -> None:
+    car.drive(3.0, clearance=4.0)
+    car.drive(0.05, clearance=24.0)
+    verdict = car.drive(1.0, clearance=4.0).report.clearance
+    assert abs(verdict.size - 4.0) < 3.0 * verdict.size_std

@@ -114,7 +114,10 @@ def _rebase_where_undone(radar, settings, signal, measured, of_clearance, repeat
         said = signal.residual if of_clearance else measured.value
         level, rise = look_for_return(signal, said, repeated)
         if isfinite(level):
-            rebase(track, signal, measured.value - signal.residual + level, of_clearance)
+            off = signal.residual - level
+            rebase(track, signal, measured.value - off, of_clearance)
+            # The newest scan may have jumped on since.
+            signal.residual = off
             if not of_clearance:
                 # What was wrong about it stayed the same: how it rose was right all along.
                 believe(track, rise / radar.period + radar.host, SAID_STD)

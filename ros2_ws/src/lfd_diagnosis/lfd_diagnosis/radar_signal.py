@@ -14,7 +14,7 @@ from lfd_diagnosis.repetition import (
     run_by_chance,
     start_repetition,
 )
-from lfd_diagnosis.ring import RING, append, at, is_full, start_ring
+from lfd_diagnosis.ring import RING, append, at, is_full, mean_of, start_ring
 from lfd_diagnosis.roughness import (
     ROUGHNESS,
     is_noiseless,
@@ -95,6 +95,10 @@ HALF, WITHIN = 0.5, 3.0
 BACK_FLOORS, BACK_SHARE = 0.8, 0.4
 """Least limits, and share of the fault, by which what is no offset jumps back at least."""
 
+AGAIN, AGAIN_SIGMA = 3, 6.0
+"""Scans after which what is faulty has surely jumped to somewhere else, and deviations of its noise
+that such a jump is from one scan to the next at least."""
+
 LONGEST_PERIOD = 0.2
 """Seconds that one scan's agreement counts for at most."""
 
@@ -137,6 +141,9 @@ RADAR_SIGNAL = np.dtype(
         ("agreed", "f8"),
         ("agreed_scans", "f8"),
         ("came_back", "?"),
+        ("returned", "?"),
+        ("again", RING),
+        ("astray", "f8"),
         ("at_once", "?"),
         ("jumped_back_at", "f8"),
         ("must_agree", "f8"),
@@ -160,13 +167,14 @@ RADAR_SIGNAL = np.dtype(
 `faulty_at` is when it was faulty last, `estimate` how far a faulty signal is off its reference,
 `size` how far its fault put it, `recent` its newest residuals, `said` what it said then (a
 clearance: beyond the path travelled), `at_once` whether that was undone from one scan to the next
-since it agrees, `jumped_back_at` when its last jump was if it was that way, `must_agree` for how
-long what agrees must go on where that is longer than usual, `history` times and residuals of a
-drift. `lost_since` counts while the reference of a faulty signal is `lost`: another target came;
-`carried_since` while its offset is taken to go on with that (`carried`); `ended_size` is how far
-the last one was off that is believed since `ended_at` though nobody saw its end. In shares of
-`floor`: `roughest`, the largest healthy residual, `swung`, that of some minutes, and `swings`, a
-larger one `swings_for` scans ago.
+since it agrees, `returned` whether it once was seen to jump back at once, `again` its residuals
+since it jumped elsewhere and `astray` what its reference was off then, `jumped_back_at` when its
+last jump was if it was that way, `must_agree` for how long what agrees must go on where that is
+longer than usual, `history` times and residuals of a drift. `lost_since` counts while the reference
+of a faulty signal is `lost`: another target came; `carried_since` while its offset is taken to go
+on with that (`carried`); `ended_size` is how far the last one was off that is believed since
+`ended_at` though nobody saw its end. In shares of `floor`: `roughest`, the largest healthy
+residual, `swung`, that of some minutes, and `swings`, a larger one `swings_for` scans ago.
 """
 
 
@@ -188,7 +196,8 @@ def start_signal(signal, floor, std, lowest, noiseless, learn):
     start_ring(signal.recent, MANY_BEFORE + MANY_AFTER)
     start_ring(signal.said, MANY_BEFORE + MANY_AFTER)
     signal.history_count = signal.history_first = 0
-    signal.came_back = signal.at_once = False
+    start_ring(signal.again, FIRST)
+    signal.came_back = signal.at_once = signal.returned = False
     signal.jumped_back_at = signal.ended_size = np.nan
     signal.agreeing = 0.0
     restart_signal(signal)
@@ -382,7 +391,8 @@ def convict(signal, kind, confidence):
     signal.ended_size = np.nan
     # What it did just before was its fault.
     signal.swings = 0.0
-    signal.came_back = signal.at_once = False
+    start_ring(signal.again, FIRST)
+    signal.came_back = signal.at_once = signal.returned = False
     signal.jumped_back_at = np.nan
     restart_agreement(signal)
     start_ring(signal.recent, MANY_BEFORE + MANY_AFTER)
@@ -469,10 +479,7 @@ def _levels(recent, before, after):
 @inner
 def _began_with(signal):
     """By how much the scans that the fault began with were off, in the mean."""
-    first, offset = signal.first, 0.0
-    for i in range(first.count):
-        offset += at(first, i)
-    return offset / first.count
+    return mean_of(signal.first, 0, signal.first.count)
 
 
 @inner
@@ -512,6 +519,9 @@ def look_for_return(signal, said, repeated):
     jump, level, apart, seen, drift = _levels(recent, before, after)
     if abs(jump + offset) >= tolerance or apart >= tolerance:
         return np.nan, np.nan
+    # What jumped back before and now jumps away that way is off anew, to the other side.
+    if signal.returned and abs(level) > abs(level - jump):
+        return np.nan, np.nan
     # The reference itself may have jumped: one that is coasted follows the other signal's noise.
     itself, _, _, _, rise = _levels(signal.said, before, after)
     if -itself * offset < SEEN * offset * offset:
@@ -527,7 +537,7 @@ def look_for_return(signal, said, repeated):
     signal.estimate = signal.size = offset
     start_ring(recent, MANY_BEFORE + MANY_AFTER)
     start_ring(signal.said, MANY_BEFORE + MANY_AFTER)
-    signal.came_back = True
+    signal.came_back, signal.returned = True, signal.at_once
     restart_agreement(signal)
     # The median lies in their middle; a reference that was coasted has gone on since, by no more
     # than they lie apart.
@@ -615,6 +625,44 @@ def restart_agreement(signal):
 
 
 @inner
+def _begin_again(signal):
+    """The last jump was undone: the newest one, `again`, is another fault's."""
+    signal.returned, signal.jumped_back_at = False, np.nan
+    start_ring(signal.first, FIRST)
+    for i in range(signal.again.count):
+        append(signal.first, at(signal.again, i))
+
+
+@inner
+def _follow_jump(signal, step):
+    """Take note of a scan that is off; whether an offset has jumped elsewhere, or may have: what it
+    was off before is no part then of what it is off now. `step` as in `follow_agreement`."""
+    again = signal.again
+    if signal.kind != Kind.OFFSET:
+        return False
+    least = max(least_limit(signal), AGAIN_SIGMA * deviation(signal.noise))
+    if abs(step) > least:
+        if not 0 < again.count < AGAIN:
+            # What its reference had wandered by is no part of the fault.
+            signal.astray = 0.0 if signal.agreeing > 0.0 else signal.estimate - signal.size
+        start_ring(again, FIRST)
+    elif not again.count or is_full(again):
+        return False
+    append(again, signal.residual)
+    if again.count < AGAIN:
+        return True
+    level = mean_of(again, 0, again.count)
+    if again.count == AGAIN and abs(level - signal.astray - signal.size) <= least:
+        # It was an outlier, or is back from one.
+        start_ring(again, FIRST)
+        return False
+    if again.count == AGAIN and signal.returned:
+        _begin_again(signal)
+    signal.estimate, signal.size = level, level - signal.astray
+    return True
+
+
+@inner
 def follow_agreement(signal, period, step, spread, sigma):
     """Take note of whether a faulty signal agrees; false where it does not.
 
@@ -635,7 +683,7 @@ def follow_agreement(signal, period, step, spread, sigma):
         signal.at_once = True
         back = step * signal.size < 0.0
         signal.jumped_back_at = signal.last_at + period if back else np.nan
-    if off:
+    if off and not _follow_jump(signal, step):
         share = min(period / SIZE_TIME, 1.0)
         signal.estimate += share * (signal.residual - signal.estimate)
     # A jump is known best just after it, before its reference has been coasted for long.
@@ -646,6 +694,7 @@ def follow_agreement(signal, period, step, spread, sigma):
         signal.came_back = signal.at_once = False
         restart_agreement(signal)
         return False
+    start_ring(signal.again, FIRST)
     back = max(BACK_FLOORS * signal.floor, BACK_SHARE * size)
     if signal.kind != Kind.OFFSET and abs(step) > back:
         signal.came_back = True
