@@ -364,6 +364,40 @@ def test_a_radar_that_lost_its_lead_for_a_moment_catches_up(
     assert car.faults_since(start) == faulty
 
 
+def coarse(scan: int) -> Car:
+    """One whose radar says so often the same by chance that four equal scans tell little."""
+    car = Car()
+    car.scan, car.rounded = scan, {"relative_velocity": 0.05}
+    car.drive(20.0)
+    return car
+
+
+@pytest.mark.parametrize("seconds", [0.3, 0.4])
+@pytest.mark.parametrize("braking", [-3.5, 3.5])
+def test_the_clearance_says_that_a_slow_radar_had_lost_its_lead(
+    seconds: float, braking: float
+) -> None:
+    """Where it may have said the same by chance."""
+    car = coarse(10)
+    start, car.lead_acceleration = car.number, braking
+    lose_the_lead(car, seconds)
+    car.lead_acceleration = 0.0
+    assert abs(car.velocity) > 1.0, "more than its limit"
+    car.drive(3.0)
+    assert not car.faults_since(start)
+
+
+@pytest.mark.parametrize("offset", [-1.3, 1.3])
+def test_the_clearance_says_that_a_radar_had_not_lost_its_lead(offset: float) -> None:
+    """Where it said the same for longer than chance would have it."""
+    car = coarse(5)
+    car.drive(0.4, relative_velocity_is=0.0)
+    start = car.number
+    car.drive(1.0, relative_velocity=offset)
+    assert car.faults_since(start) == {"relative_velocity", "radar"}
+    assert car.delay("relative_velocity", start) < 0.4
+
+
 @pytest.mark.parametrize("seconds", [1.0, 1.6, 2.4])
 def test_a_clearance_far_smoother_than_measured_is_made_of_what_the_radar_knew(
     car: Car, seconds: float

@@ -85,6 +85,14 @@ UNSEEN_LEAD, UNSEEN_LEAST, UNSEEN_MOST = 2.0, 0.2, 0.5
 seconds for which it does so: what repeats itself for less does so by coincidence, what does for
 longer is calm, coarse, or held."""
 
+WEIGHED, WEIGHS, AT_ONCE = 0.5, 5.0, 0.5
+"""Seconds in which the clearance tells whether a relative velocity catches up, deviations that this
+must come to, and share of its limit by which it must be off as soon as it says something new."""
+
+FOLLOWS, SURELY_FOLLOWS = 0.5, 0.25
+"""Share of what it catches up by that the clearance must show; the same where it repeated itself by
+no coincidence: some clearances are late."""
+
 COMPUTED, TOO_SMOOTH = 2.0, 2.0
 """The same at most where the clearance is surely made of what the radar knew, and deviations of its
 noise that it would waver by at least, were it measured."""
@@ -119,6 +127,8 @@ def follow_held_velocity(radar, settings, same):
             radar.held.sees_again_at = velocity.at
             radar.held.unsaid_for = radar.velocity.last_at - radar.held.since
             radar.held.unseen_for = _unseen_for(radar, radar.held.unsaid_for)
+            way = radar.velocity.last * (velocity.at - radar.velocity.last_at)
+            radar.held.went_on_to = radar.held.clearance + radar.held.beside + way
             # For so short a time a lead goes on as it just did, not as in the mean.
             more = radar.held.track.acceleration - radar.held.lead
             radar.held.unsaid = radar.held.changed + more * radar.held.unsaid_for
@@ -162,29 +172,103 @@ def _nearest_to_zero(first, second):
 
 
 @inner
-def catches_up(radar, settings):
-    """Whether a relative velocity says by now, all at once, what it did not say while it repeated
-    itself: a radar that lost its target for a moment goes on from what it knew."""
-    velocity, lost_for = radar.velocity, radar.held.unsaid_for
-    wavers = ONE_SCAN * radar.period
-    most = max(UNSEEN_MOST + wavers, radar.held.unseen_for)
-    for_a_moment = UNSEEN_LEAST - wavers <= lost_for <= most
+def follow_catching_up(radar, settings):
+    """Follow a relative velocity that may say by now, all at once, what it did not say while it
+    repeated itself, scan by scan: a radar that lost its target goes on from what it knew."""
+    velocity, catching = radar.measured_velocity, radar.catching
+    if not velocity.new or radar.velocity.faulty:
+        return
+    since = velocity.at - catching.since
+    if radar.held.sees_again_at == velocity.at and not radar.velocity.confidence:
+        _begin_to_catch_up(radar, settings)
+        since = 0.0
+    elif since > WEIGHED:
+        return
+    else:
+        period = velocity.at - radar.velocity.last_at
+        way = 0.5 * (radar.velocity.last + velocity.value) - catching.jump
+        catching.clearance += way * period
+    if _clearance_tells(radar):
+        # Where the lead was lost, it went over to the new relative velocity meanwhile.
+        most = catching.jump * (0.5 * catching.lost_for + since)
+        catching.told += (radar.measured_clearance.value - catching.clearance) * most
+        catching.most += most * most
+
+
+@inner
+def _begin_to_catch_up(radar, settings):
+    """The relative velocity has just ceased to repeat itself."""
+    held, catching, wavers = radar.held, radar.catching, ONE_SCAN * radar.period
+    catching.since = -np.inf
+    lasted = held.unsaid_for
+    for_a_moment = UNSEEN_LEAST - wavers <= lasted <= max(UNSEEN_MOST + wavers, held.unseen_for)
     if not (settings.check_repetition and for_a_moment) or is_without_noise(radar):
+        return
+    at = radar.measured_velocity.at
+    catching.since, catching.jump = at, radar.velocity.residual
+    catching.unsaid = held.unsaid
+    catching.lost_for = lasted + at - radar.velocity.last_at
+    by_chance = radar.period * run_by_chance(radar.velocity.repetition, CALM_CHANCE)
+    catching.surely = by_chance <= lasted
+    # What was expected of it all the same.
+    expected = radar.measured_velocity.value - radar.velocity.last - catching.jump
+    catching.clearance = held.went_on_to + 0.5 * expected * catching.lost_for
+    catching.told = catching.most = 0.0
+
+
+@inner
+def catches_up(radar, settings):
+    """Whether a relative velocity that is off catches up, for all that is known by now."""
+    catching = radar.catching
+    if not _may_catch_up(radar) or is_weighed(radar, settings):
         return False
-    # The first scan that is off must be the one that no longer repeats itself.
-    if velocity.last_at - radar.held.sees_again_at > wavers:
+    doubt = radar.velocity.limit + UNSEEN_LEAD * catching.lost_for
+    if abs(catching.jump - catching.unsaid) > doubt:
         return False
-    if lost_for < radar.period * run_by_chance(velocity.repetition, CALM_CHANCE):
+    if _is_told(radar, settings):
+        share = SURELY_FOLLOWS if catching.surely else FOLLOWS
+        return catching.told > share * catching.most
+    return catching.surely
+
+
+@inner
+def is_weighed(radar, settings):
+    """Whether the clearance must yet tell if a relative velocity that is off catches up."""
+    lasts = radar.measured_velocity.at - radar.catching.since
+    waits = lasts <= WEIGHED - radar.period and _clearance_tells(radar)
+    return _may_catch_up(radar) and waits and not _is_told(radar, settings)
+
+
+@inner
+def _may_catch_up(radar):
+    """Whether a relative velocity is off, that way, since it ceased to repeat itself."""
+    velocity, jump = radar.velocity, radar.catching.jump
+    lasts = radar.measured_velocity.at - radar.catching.since
+    at_once = jump * velocity.residual > 0.0 and abs(jump) >= AT_ONCE * velocity.limit
+    return lasts <= WEIGHED and at_once
+
+
+@inner
+def _is_told(radar, settings):
+    """Whether the clearance tells by now if a relative velocity catches up."""
+    variance = radar.clearance.noise.variance + radar.held.track.cc + wander_of(radar, settings)
+    return radar.catching.most >= WEIGHS**2 * variance
+
+
+@inner
+def _clearance_tells(radar):
+    """Whether the clearance is no more off than that of a radar which catches up."""
+    clearance = radar.clearance
+    if clearance.faulty or not radar.measured_clearance.new:
         return False
-    doubt = velocity.limit + UNSEEN_LEAD * lost_for
-    return abs(velocity.residual - radar.held.unsaid) <= doubt
+    return not is_bad(clearance) or clearance_catches_up(radar)
 
 
 @inner
 def clearance_catches_up(radar):
     """Whether the clearance says with a relative velocity that catches up what it did not say
     meanwhile, made of the same."""
-    jump, path = radar.clearance.residual, radar.velocity.residual * radar.held.unsaid_for
+    jump, path = radar.clearance.residual, radar.catching.jump * radar.catching.lost_for
     return jump * path > 0.0 and abs(jump) <= abs(path) + radar.clearance.limit
 
 

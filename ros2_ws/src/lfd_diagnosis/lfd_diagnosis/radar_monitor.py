@@ -6,6 +6,7 @@ import numpy as np
 
 from lfd_diagnosis.evidence import repeats
 from lfd_diagnosis.held_radar import (
+    follow_catching_up,
     follow_held_velocity,
     is_sent_again,
     repeats_with_held,
@@ -379,6 +380,8 @@ def _judge(radar, settings, repeated):
     if not repeated and look_for_new_target(radar):
         begin_another(radar, settings, radar.id)
         return
+    if not repeated:
+        follow_catching_up(radar, settings)
     clearance_was_faulty, velocity_was_faulty = clearance.faulty, velocity.faulty
     radar.taught &= not velocity.faulty
     follow_undrifted(radar)

@@ -96,6 +96,7 @@ HELD = np.dtype(
         ("unsaid", "f8"),
         ("unsaid_for", "f8"),
         ("unseen_for", "f8"),
+        ("went_on_to", "f8"),
     ],
     align=True,
 )
@@ -106,7 +107,30 @@ m/s and m/s^2.
 `most_at_once` by how much it left the path within a few scans (`off_lately`). `travelled` is the
 path of the relative velocity while the clearance repeats itself. `unsaid` is by how much host and
 lead should have changed one that repeated itself for `unsaid_for` s until `sees_again_at` (s), of
-which the radar may have been without its target for `unseen_for`.
+which the radar may have been without its target for `unseen_for`; that leads to a clearance of
+`went_on_to`.
+"""
+
+CATCHING = np.dtype(
+    [
+        ("since", "f8"),
+        ("lost_for", "f8"),
+        ("jump", "f8"),
+        ("unsaid", "f8"),
+        ("surely", "?"),
+        ("clearance", "f8"),
+        ("told", "f8"),
+        ("most", "f8"),
+    ],
+    align=True,
+)
+"""A relative velocity that no longer repeats itself `since` a time in s, and may catch up with what
+it did not say for `lost_for` s; m and m/s.
+
+It came with a `jump` against the track, of which so much was expected as it left `unsaid`; whether
+the repetition alone says that the lead was lost (`surely`). `clearance` is where that would be, had
+the relative velocity been wrong by the jump since then only. `told` (m^2) sums up how far it is
+beyond that, times how far it would be if the lead was lost, and `most` the square of the latter.
 """
 
 RADAR = np.dtype(
@@ -141,6 +165,7 @@ RADAR = np.dtype(
         ("host_moves", "?"),
         ("host_speed", "f8"),
         ("held", HELD),
+        ("catching", CATCHING),
         ("beside", "f8"),
         ("agreed_clearance", "f8"),
         ("agreed_path", "f8"),
@@ -170,7 +195,8 @@ whether it surely moves (`host_moves`). `period` (s): between two scans, on aver
 row that is one from one that but repeats it.
 
 The clearance against the relative velocity. `path`, which `drift` explains where they contradict
-each other; `held`: whether one of the two but repeats itself. `beside` (m) is what the clearance
+each other; `held`: whether one of the two but repeats itself; `catching`: whether the relative
+velocity catches up with what it did not say meanwhile. `beside` (m) is what the clearance
 lately lay beside the track. `elsewhere` (m) is how far the part of the car that is seen lies from
 the one that was seen first, `shifted_at` (s) when it last went over to another one behind a faulty
 relative velocity; a silence ended at `regained_at` (s) with a clearance `regained_beside` (m) the
@@ -223,6 +249,7 @@ def start_target(radar, settings):
     radar.beside = radar.held.beside = 0.0
     radar.held.leapt_to_zero = False
     radar.held.sees_again_at = radar.shifted_at = radar.regained_at = -np.inf
+    radar.catching.since = -np.inf
     restart_scan_rows(radar.rows)
     clear_path(radar.path)
     forget_leap(radar.leap)

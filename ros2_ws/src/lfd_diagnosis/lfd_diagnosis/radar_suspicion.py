@@ -9,6 +9,7 @@ from lfd_diagnosis.held_radar import (
     catches_up,
     clearance_catches_up,
     is_stuck,
+    is_weighed,
     velocity_seems_held,
 )
 from lfd_diagnosis.lead_track import believe, set_clearance, set_velocity
@@ -113,7 +114,7 @@ def _judge_jump(radar, settings, signal, of_clearance):
         right = _clearance_is_right_again(radar, settings)
     else:
         right = _velocity_is_right_again(radar, settings)
-    if not (right or may_be_outliers(signal)):
+    if not (right or may_be_outliers(signal) or is_weighed(radar, settings)):
         give_ground(signal.because, Ground.RESIDUAL, signal.residual, signal.limit, 0.0)
         _convict(radar, settings, signal, Kind.OFFSET)
         _take_bias(radar, settings, of_clearance)
