@@ -235,7 +235,9 @@ def catches_up(radar, settings):
 def is_weighed(radar, settings):
     """Whether the clearance must yet tell if a relative velocity that is off catches up."""
     lasts = radar.measured_velocity.at - radar.catching.since
-    waits = lasts <= WEIGHED - radar.period and _clearance_tells(radar)
+    # A zero that goes on tells by itself, and sooner.
+    waits = lasts <= WEIGHED - radar.period and not radar.held.leapt_to_zero
+    waits = waits and _clearance_tells(radar)
     return _may_catch_up(radar) and waits and not _is_told(radar, settings)
 
 
