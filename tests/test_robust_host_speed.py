@@ -93,6 +93,19 @@ def test_a_faulty_host_speed_is_named_and_not_used(car: Car) -> None:
     assert "acceleration" in car.faults_since(start), "the observers still tell"
 
 
+@pytest.mark.parametrize("then", [-5.0, 2.5, 10.0])
+def test_a_host_speed_whose_offset_changes_is_off_by_what_it_is_by_then(
+    car: Car, then: float
+) -> None:
+    car.drive(1.0, host_speed=5.0)
+    said = car.drive(1.0, host_speed=then).report.host_speed
+    assert said.state == State.FAULT
+    assert abs(said.size - then) < 6.0 * said.size_std
+    said = car.drive(0.3).report.host_speed
+    assert said.state == State.FAULT
+    assert car.drive(0.5).report.host_speed.state == State.OK
+
+
 @pytest.mark.parametrize("rate", [-3.0, -1.5, 1.5, 3.0])
 def test_a_speed_that_drifts_is_named_as_the_lead_tells_and_blames_no_accelerometer(
     rate: float,

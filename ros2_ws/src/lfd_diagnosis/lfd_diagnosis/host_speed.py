@@ -595,6 +595,8 @@ def _check_jump(speed, value, period, acceleration, was_held):
     speed.off += jump
     if speed.faulty and (ends or abs(speed.off) <= limit):
         speed.off = 0.0
+    elif speed.faulty:
+        speed.size = speed.off
     _stop_following(speed)
     kind = Kind.HOLD if was_held else Kind.OFFSET
     if value == 0.0:

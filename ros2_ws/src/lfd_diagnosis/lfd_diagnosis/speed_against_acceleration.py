@@ -91,6 +91,7 @@ def hold_speed(monitor, settings):
     rate = monitor.slope - difference(monitor, settings)
     limit = STILL * abs(speed.because.first) if drifts(speed) else settings.acceleration_limit
     if abs(rate) < limit + allowance_of(monitor, settings):
+        monitor.level_for = 0.0
         return
     doubt_again(speed)
     if drifts(speed):
