@@ -82,7 +82,8 @@ def follow_acceleration(monitor, settings, horizon):
     if is_usable(speed, settings):
         monitor.acceleration = as_the_car_moves(monitor, speed.derivative)
     elif usable and not monitor.faulty and is_possible(monitor):
-        ended = came_to_rest(speed) or (monitor.jumped_for and ends_braking(monitor))
+        rests = came_to_rest(speed) or is_standing(speed)
+        ended = rests or (monitor.jumped_for and ends_braking(monitor))
         if monitor.jumped_for and swings_over_bumps(monitor):
             # It may be a bump, of which a few samples are no mean, or brakes.
             monitor.acceleration = monitor.filtered - monitor.slope
