@@ -18,6 +18,7 @@ from lfd_diagnosis.acceleration_state import (
     SHARP,
     follow_off,
     has_leapt,
+    leapt_lately,
     newest_sample,
     shaking_left,
     swings_over_bumps,
@@ -72,9 +73,6 @@ BACK_TO_USUAL = 2.0
 """Seconds over which a lead that nothing else is known of goes back to driving as most do."""
 
 RELATIVE_SHARE = share_of(SMOOTH)
-
-LEAPT_LATELY = 2 * BASELINE_DELAY
-"""Steps after a leap within which it is what the accelerometer changed by."""
 
 SEEN_SHARE = share_of(0.3)
 """Share of a change that observers behind a late radar see in a step, once it is over."""
@@ -172,7 +170,7 @@ def _follow_unseen(monitor):
     """What the accelerometer lately changed by as a car does: a radar that is late has not seen it
     yet. What leapt is the sensor's own."""
     monitor.unseen *= 1.0 - SEEN_SHARE
-    if monitor.leapt_ago < LEAPT_LATELY:
+    if leapt_lately(monitor):
         monitor.unseen = 0.0
     elif is_full(monitor.own_recent):
         monitor.unseen = max(monitor.unseen, abs(monitor.filtered - at(monitor.own_recent, 0)))

@@ -93,6 +93,9 @@ def follow_acceleration(monitor, settings, horizon):
         elif not monitor.jumped_for:
             # While a jump is being looked into, what was before it.
             monitor.acceleration = at(monitor.before_jump, 0)
+    elif is_standing(speed):
+        # Whatever its derivative has yet to settle from.
+        monitor.acceleration = 0.0
     else:
         monitor.acceleration *= HOST_KEEP
     heard = usable and is_possible(monitor)

@@ -58,6 +58,9 @@ RADAR_GONE = 30
 BEFORE_JUMP = 8
 """Steps by which a jump may be noticed late."""
 
+LATELY = 60
+"""Steps after a leap in which it may be what the accelerometer changed by."""
+
 MOST_POSSIBLE = 30.0
 """m/s^2 that no car does: what says so tells nothing of the car."""
 
@@ -329,6 +332,12 @@ def shaking_left(monitor, time):
 def has_leapt(monitor, by):
     """Whether the samples lately leapt by most of that many m/s^2."""
     return monitor.leapt_ago < LOOKED_AT and monitor.leap * by > AT_ONCE_SHARE * by * by
+
+
+@inner
+def leapt_lately(monitor):
+    """Whether what its samples changed by just now may be a leap of its own."""
+    return monitor.leapt_ago < LATELY
 
 
 @inner

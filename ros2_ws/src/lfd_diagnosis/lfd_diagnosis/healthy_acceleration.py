@@ -50,22 +50,16 @@ def _doubt_of_slope(monitor):
 @inner
 def expected_acceleration(monitor, settings):
     """What a healthy accelerometer would say, in m/s^2: it feels the slope of the road, too."""
-    if is_usable(monitor.speed, settings):
-        if monitor.corrected:
-            return newest_sample(monitor) - monitor.size
-        return monitor.acceleration + _slope(monitor)
-    if is_standing(monitor.speed):
-        # It does not accelerate, whatever its speed's derivative has to settle from.
-        return _slope(monitor)
+    told = is_usable(monitor.speed, settings)
+    if told and monitor.corrected:
+        return newest_sample(monitor) - monitor.size
+    if told or is_standing(monitor.speed):
+        # What is known of the slope by now, under a fault, too.
+        slope = monitor.slope if isnan(monitor.reference) else monitor.reference
+        return monitor.acceleration + slope
     if isnan(monitor.lead_reference) or isnan(monitor.lead):
         return monitor.acceleration + monitor.slope
     return monitor.lead_reference - monitor.relative_slow
-
-
-@inner
-def _slope(monitor):
-    """Of the road by now, as far as is known (m/s^2)."""
-    return monitor.slope if isnan(monitor.reference) else monitor.reference
 
 
 @inner

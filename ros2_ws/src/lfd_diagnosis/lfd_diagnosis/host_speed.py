@@ -188,17 +188,19 @@ def start_speed(speed, learn):
 @inner
 def restart_speed(speed):
     """Nothing from before counts but what was learnt."""
-    _believe(speed)
-    speed.off = speed.quiet = 0.0
+    believe_again(speed)
+    speed.quiet = 0.0
     empty_roughness(speed.roughness)
     restart_repetition(speed.repetition)
     lose_speed(speed)
 
 
 @inner
-def _believe(speed):
+def believe_again(speed):
+    """It is not faulty any more, and nothing is known of a fault."""
     speed.faulty, speed.kind = False, Kind.UNKNOWN
     speed.size = speed.size_std = np.nan
+    speed.off = 0.0
     speed.because.ground = Ground.NONE
 
 
@@ -299,8 +301,8 @@ def _look_for_hold(speed):
 @inner
 def speed_seems_held(speed, agrees_with_then, is_unlikely):
     """Whether it may be held by now, so that its derivative tells nothing: it has said the same for
-    longer than it seldom does, or for a moment in which nothing else changed, or what is felt
-    should have moved it, and the lead makes it unlikely. Also that of a car that seems to stand."""
+    so long as it seldom does, or for a moment in which nothing else changed, or what is felt should
+    have moved it, and the lead makes it unlikely. Also that of a car that seems to stand."""
     for_a_moment = speed.same >= speed.repetition.least
     missed = for_a_moment or abs(speed.missed) > _least_missed(speed)
     may_be = (for_a_moment and agrees_with_then) or (missed and is_unlikely)
@@ -597,6 +599,7 @@ def _check_jump(speed, value, period, acceleration, was_held):
         speed.off = 0.0
     elif speed.faulty:
         speed.size = speed.off
+    # Its derivative would show the jump.
     _stop_following(speed)
     kind = Kind.HOLD if was_held else Kind.OFFSET
     if value == 0.0:
@@ -634,10 +637,3 @@ def follow_drift(speed, rate, time):
     speed.off += rate * time
     speed.size = speed.off
     speed.size_std += DRIFT_DOUBT * time
-
-
-@inner
-def believe_again(speed):
-    """It was the road that changed."""
-    _believe(speed)
-    speed.off = 0.0

@@ -14,7 +14,7 @@ from lfd_diagnosis.acceleration_against_speed import (
     lead_speaks_for,
 )
 from lfd_diagnosis.acceleration_jump import jump_noise, own_share, steps_since
-from lfd_diagnosis.acceleration_state import has_leapt
+from lfd_diagnosis.acceleration_state import has_leapt, leapt_lately
 from lfd_diagnosis.evidence import Ground, is_gauged
 from lfd_diagnosis.host_speed import (
     believe_again,
@@ -32,9 +32,6 @@ AGAINST_IT, NONE_OF_IT = -1.5, 0.4
 """Shares of a change from and to which the accelerometer surely made none of it: wheels slip as the
 car brakes or speeds up, which is felt as well; where the road bends it is not."""
 
-OWN_LEAP = 60
-"""Steps within which the accelerometer leapt where that made what is found now."""
-
 SETTLED = 40
 """Steps after which the derivative has followed what changed."""
 
@@ -48,7 +45,7 @@ def is_the_speeds(monitor, settings):
     check, repetition = monitor.check, monitor.repetition
     if check.ground != Ground.HOST_SPEED or not is_gauged(check.kind):
         return False
-    leapt = monitor.leapt_ago < OWN_LEAP and has_leapt(monitor, check.residual)
+    leapt = leapt_lately(monitor) and has_leapt(monitor, check.residual)
     if leapt or is_beyond_chance(repetition, repetition.run):
         # What is held feels nothing, either.
         return False
