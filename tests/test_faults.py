@@ -188,6 +188,25 @@ def test_faults_act_in_the_order_given() -> None:
     assert (one[0].value, other[0].value) == (3.0, 2.0)
 
 
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        # 0.5 s is the last thing that was said before the silence.
+        ("hold:acceleration@2-9", 0.5),
+        ("delay:acceleration=1@2-9", 0.5),
+        ("spike:acceleration=10@1-9", 12.5),
+    ],
+)
+def test_a_fault_hears_nothing_of_what_an_earlier_one_kept_back(fault: str, said: float) -> None:
+    samples = [accel(t, t) for t in (0.5, 1.0, 1.5, 2.5)]
+    assert inject(f"dropout:acceleration@1-2;{fault}", samples)[-1].value == said
+
+
+def test_a_fault_hears_what_a_later_one_keeps_back() -> None:
+    samples = [accel(t, t) for t in (0.5, 1.0, 1.5, 2.5)]
+    assert inject("hold:acceleration@2-9;dropout:acceleration@1-2", samples)[-1].value == 1.5
+
+
 def test_an_empty_road_stays_empty() -> None:
     empty = RadarSample(ZERO, False, math.nan, math.nan)
     (sample,) = inject("zero:radar@0-9", [empty])

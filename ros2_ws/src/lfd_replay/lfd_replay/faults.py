@@ -126,16 +126,11 @@ class FaultInjector:
     def __init__(self, faults: list[Fault], zero: int, seed: int) -> None:
         """`zero`: the drive's time zero in ns; `seed`: of the noise."""
         self._effects = [
-            _Effect(fault, signal, value, zero, seed)
+            _Silence(fault, signal, zero)
+            if _silences(fault, signal)
+            else _Effect(fault, signal, value, zero, seed)
             for fault in faults
             for signal, value in fault.values
-            if not _silences(fault, signal)
-        ]
-        self._silences = [
-            (signal if signal not in RADAR_SIGNALS else RADAR, zero + fault.start, zero + fault.end)
-            for fault in faults
-            for signal in fault.signals
-            if _silences(fault, signal)
         ]
 
     def __call__(self, sample: Sample) -> Sample | None:
@@ -145,21 +140,20 @@ class FaultInjector:
                 "clearance": sample.clearance,
                 "relative_velocity": sample.relative_velocity,
             }
-            for effect in self._effects:
-                # Without a lead there is nothing that could be measured wrongly.
-                if effect.signal in values and sample.has_target:
-                    values[effect.signal] = effect(sample.stamp, values[effect.signal])
-            changed: Sample = replace(sample, **values)
+            # Without a lead there is nothing that could be measured wrongly.
+            measured = values if sample.has_target else {}
         else:
-            value = sample.value
-            for effect in self._effects:
-                if effect.signal == sample.input:
-                    value = effect(sample.stamp, value)
-            changed = replace(sample, value=value)
-        for name, start, end in self._silences:
-            if name == sample.input and start <= sample.stamp < end:
-                return None
-        return changed
+            values = measured = {sample.input: sample.value}
+        for effect in self._effects:
+            if isinstance(effect, _Silence):
+                if effect.holds_back(sample):
+                    # The faults after this one never hear of it: they hold and delay what was said.
+                    return None
+            elif effect.signal in measured:
+                measured[effect.signal] = effect(sample.stamp, measured[effect.signal])
+        if isinstance(sample, RadarSample):
+            return replace(sample, **values)
+        return replace(sample, value=values[sample.input])
 
     def apply(self, samples: Iterable[Sample]) -> list[Sample]:
         """All samples of a drive, in order."""
@@ -172,6 +166,17 @@ def _silences(fault: Fault, signal: str) -> bool:
     if fault.kind != "dropout":
         return False
     return fault.whole_radar or signal not in RADAR_SIGNALS
+
+
+class _Silence:
+    """A fault that keeps an input's messages from coming."""
+
+    def __init__(self, fault: Fault, signal: str, zero: int) -> None:
+        self._input = RADAR if signal in RADAR_SIGNALS else signal
+        self._start, self._end = zero + fault.start, zero + fault.end
+
+    def holds_back(self, sample: Sample) -> bool:
+        return sample.input == self._input and self._start <= sample.stamp < self._end
 
 
 class _Effect:
