@@ -303,3 +303,30 @@ def test_an_injection_ends_where_another_drive_begins() -> None:
     assert live(radar(3.0)).clearance == 34.0
     assert [live(accel(-99.0)).value, live(radar(-99.0)).clearance] == [0.5, 30.0]
     assert live(radar(-98.95)).clearance == 30.0
+
+
+@pytest.mark.parametrize("fault", ["offset:clearance=4@0.1-0.2", "offset:clearance=4@0.05-0.25"])
+def test_an_injection_includes_its_start_and_not_its_end(fault: str) -> None:
+    times = [0.05, 0.1, 0.15, 0.2, 0.25]
+    live = LiveFaults(0)
+    live(radar(0))
+    live.inject(parse_faults([fault]))
+    assert [live(radar(t)) for t in times] == inject(fault, [radar(t) for t in times])
+
+
+def test_an_injection_from_now_on_begins_with_the_next_sample() -> None:
+    live = LiveFaults(0)
+    assert live(accel(0, 0.5)).value == 0.5
+    live.inject(parse_faults(["hold:acceleration@0-1"]))
+    assert [live(accel(t, t)).value for t in (0.01, 0.99, 1.0)] == [0.5, 0.5, 1.0]
+
+
+@pytest.mark.parametrize(("fault", "said"), [("hold", 34.0), ("delay", 34.5)])
+def test_an_injection_hears_what_those_before_it_made(fault: str, said: float) -> None:
+    live = LiveFaults(0)
+    live.inject_at_first(parse_faults(["offset:clearance=4@0-9"]))
+    for t, clearance in ((0.0, 31.0), (0.5, 30.5), (1.0, 30.0)):
+        live(radar(t, clearance))
+    value = "=1" if fault == "delay" else ""
+    live.inject(parse_faults([f"{fault}:clearance{value}@0-9"]))
+    assert live(radar(1.5, 20.0)).clearance == said

@@ -7,6 +7,7 @@ on, with faults in the grammar of --fault, whose times count from the newest sam
 """
 
 from collections import deque
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -30,7 +31,8 @@ from lfd_replay.adapter_settings import InjectorSettings
 from lfd_replay.faults import GRAMMAR, Fault, FaultInjector, parse_faults
 
 KEPT_NS = 10_000_000_000
-"""Samples of so long ago are known to a fault that begins now: what it holds or delays."""
+"""Samples of so long ago, as those before it made them, are known to a fault that begins now: what
+it holds or delays."""
 
 
 class LiveFaults:
@@ -56,7 +58,8 @@ class LiveFaults:
         """
         if self._newest is None:
             raise UserError("no sample has passed yet: times count from the newest one")
-        self._add(faults, self._newest + 1)
+        # The newest sample has passed: a fault from 0 s on begins right after it.
+        self._add([replace(fault, start=max(fault.start, 1)) for fault in faults], self._newest)
         return self._newest
 
     def clear(self) -> int:
@@ -75,14 +78,15 @@ class LiveFaults:
         if self._at_first:
             self._add(self._at_first, self._newest)
             self._at_first = []
-        self._recent.append((self._newest, sample))
-        while self._newest - self._recent[0][0] > KEPT_NS:
-            self._recent.popleft()
         self._active = [(end, one) for end, one in self._active if end > self._newest]
         changed: Sample | None = sample
         for _, injector in self._active:
             if changed is not None:
                 changed = injector(changed)
+        if changed is not None:
+            self._recent.append((self._newest, changed))
+        while self._recent and self._newest - self._recent[0][0] > KEPT_NS:
+            self._recent.popleft()
         return changed
 
     def _follow_time(self, sample: Sample) -> None:
