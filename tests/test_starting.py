@@ -83,3 +83,23 @@ def test_an_interrupted_player_says_so_like_any_command(name: str, tmp_path: Pat
         "sys.exit(bag_player.main())\n"
     )
     assert status_of(code, tmp_path) == (130, "")
+
+
+@pytest.mark.parametrize("place", ["a pipe that nobody reads", "a full disk"])
+def test_the_help_of_a_node_that_cannot_be_printed_is_no_traceback(place: str) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    if place == "a full disk":
+        os.close(writer)
+        writer = os.open("/dev/full", os.O_WRONLY)
+    code = "import sys; from lfd_mpc.executables import mpc_node; sys.exit(mpc_node())"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "--help"],
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=60,
+    )
+    os.close(writer)
+    said = "the output cannot be written (No space left on device)\n"
+    assert (done.returncode, done.stderr) == ((2, said) if place == "a full disk" else (0, ""))

@@ -255,9 +255,8 @@ def run_node(
     """
     args = sys.argv[1:] if args is None else args
     if {"-h", "--help"} & set(args):
-        print(sys.modules[load().__module__].__doc__)
-        print(f"Options are ROS arguments: {ROS_ARGUMENTS}")
-        return 0
+        about = sys.modules[load().__module__].__doc__
+        return _print_help(f"{about}\nOptions are ROS arguments: {ROS_ARGUMENTS}")
     try:
         _refuse_further(args)
         with joined(args, LEAVING):
@@ -267,6 +266,19 @@ def run_node(
         return 2
     except KeyboardInterrupt:
         pass
+    return 0
+
+
+def _print_help(text: str) -> int:
+    """Returns the exit status: a reader who has gone is no failure, a full disk is one."""
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        # What could not be printed is not tried again at exit, which would say so at length.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            print(f"the output cannot be written ({error.strerror})", file=sys.stderr)
+            return 2
     return 0
 
 
