@@ -7,7 +7,9 @@ import pytest
 import rclpy
 from geometry_msgs.msg import AccelStamped
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import ReliabilityPolicy, qos_profile_sensor_data
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
@@ -332,6 +334,20 @@ def test_when_nothing_arrives_the_wall_timer_says_no_data(graph: Graph) -> None:
     silent_for = (from_time(report.header.stamp) - from_time(stepped.header.stamp)) * 1e-9
     assert 0.1 <= silent_for <= 3.0, "in the stamps' own time"
     assert rig.step().clearance.state == SignalFault.OK
+
+
+def test_simulated_time_that_is_set_while_it_runs_makes_a_pause_no_silence(graph: Graph) -> None:
+    rig = DiagnosisRig(graph)
+    (diagnosis,) = (node for node in graph.nodes if isinstance(node, DiagnosisNode))
+    assert diagnosis.set_parameters([Parameter("use_sim_time", value=True)])[0].successful
+    clock = rig.node.create_publisher(Clock, "/clock", 10)
+    graph.spin_until(clock.get_subscription_count, "the clock is heard")
+    rig.node.create_timer(0.05, lambda: clock.publish(Clock(clock=to_time(STEP))))
+    graph.spin_for(0.3)
+    rig.step()
+    count = len(rig.reports.messages)
+    graph.spin_for(2.5)
+    assert len(rig.reports.messages) == count
 
 
 def test_reset_forgets_confidence(graph: Graph) -> None:

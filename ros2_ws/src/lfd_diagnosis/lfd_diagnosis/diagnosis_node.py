@@ -94,10 +94,8 @@ class DiagnosisNode(Node):
         self.create_timer(
             WATCH_PERIOD, self._on_watch, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
-        if self.get_parameter("use_sim_time").value:
-            self.create_subscription(
-                ClockMessage, "/clock", self._on_clock, qos_profile_sensor_data
-            )
+        # Always: use_sim_time may be set while this runs.
+        self.create_subscription(ClockMessage, "/clock", self._on_clock, qos_profile_sensor_data)
         self._report, self._rebuilt = FaultReport(), ReconstructedState()
         self._health, self._sensors = StepHealth(), SensorHealth()
         self._diagnostics = HealthPublisher(self, self._statuses)
