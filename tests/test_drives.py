@@ -113,6 +113,16 @@ def test_nan_samples_are_accepted_and_warned_of(tmp_path: Path) -> None:
     assert len(drive.warnings) == 2 and all("count as no sample" in w for w in drive.warnings)
 
 
+def test_gaps_that_make_no_steps_are_counted_and_warned_of(tmp_path: Path) -> None:
+    at = [k for k in range(200) if not (40 < k < 50 or 100 < k < 120)]
+    drive = read_drive(csv(tmp_path, *(f"{k / 20},30,0,15,0.1" for k in at)))
+    assert set(drive.warnings) == {
+        f"{name} has 2 gaps of up to 1.00 s" for name in (RADAR, HOST_SPEED, ACCELERATION)
+    }
+    steps = OfflineGraph(graph_settings("paper")).run(drive.samples)
+    assert sum("no input for" in step.horizon.restart_reason for step in steps) == 2
+
+
 @pytest.mark.parametrize("value", ["nan", "inf"])
 @pytest.mark.parametrize(
     ("row", "said"),

@@ -8,7 +8,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from lfd_mpc.arrival import AHEAD_NS
+from lfd_mpc.arrival import AHEAD_NS, MAX_GAP_NS, MAX_GAP_PERIODS
 from lfd_mpc.errors import UserError
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, RADAR, RadarSample, Sample
 
@@ -163,8 +163,17 @@ def _oddities(streams: dict[str, list[Sample]]) -> Iterable[str]:
         for what, count in (("backward", (gaps < 0).sum()), ("repeated", (gaps == 0).sum())):
             if count:
                 yield f"{count} {name} stamps are {what}"
-        if len(gaps) and gaps.max() > AHEAD_NS:
-            yield f"{name} is silent for up to {gaps.max() * 1e-9:.2f} s"
+        long = gaps[gaps > _longest_usual(gaps)]
+        if len(long):
+            yield f"{name} has {len(long)} gaps of up to {long.max() * 1e-9:.2f} s"
+
+
+def _longest_usual(gaps: NDArray[np.int64]) -> float:
+    """Time in ns between stamps beyond which it is a gap: across one in all inputs no step is
+    made."""
+    forward = gaps[gaps > 0]
+    period = float(np.median(forward)) if len(forward) else 0.0
+    return min(max(MAX_GAP_NS, MAX_GAP_PERIODS * period), AHEAD_NS)
 
 
 def partly_there(streams: dict[str, list[Sample]]) -> Iterable[str]:
