@@ -1,5 +1,6 @@
 """The player: what is played when, pauses, loops, and what lockstep notices."""
 
+import re
 import runpy
 import time
 from collections.abc import Callable
@@ -254,6 +255,25 @@ def test_a_step_that_fails_loses_nothing_of_a_replay(monkeypatch, tmp_path: Path
         part = ["--start", "1", "--duration", "1"]
         assert main_replay([*arguments, *part], since) == 1, "its own bag is replaced"
     assert "short.mcap: 1.0 to 2.0 s of 3.0 s, profile" in capfd.readouterr().out
+
+
+@pytest.mark.parametrize(("rate", "loses"), [(1.0, False), (1000.0, True)])
+def test_a_replay_that_was_too_fast_says_how_much_it_lost(
+    rate: float, loses: bool, monkeypatch, tmp_path: Path, capfd
+) -> None:
+    """Its table looked like any other: faults of lost steps were not found, nothing said why."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(next_domain()))
+    seconds = 30.0 if loses else 1.0
+    write_drive(Drive("long", drive(seconds)), tmp_path / "long.mcap")
+    with joined([]) as since:
+        where = ["--drive", str(tmp_path / "long.mcap"), "--out", str(tmp_path / "out")]
+        assert main_replay([*where, "--rate", f"{rate}"], since) == 0
+    printed = capfd.readouterr()
+    lost = re.search(r"(\d+) of (\d+) steps were lost on the way", printed.err)
+    assert bool(lost) == loses
+    if lost:
+        made = re.search(r"^(\d+) steps", printed.out, re.MULTILINE)
+        assert made and int(made[1]) + int(lost[1]) == int(lost[2])
 
 
 def test_a_stamp_below_zero_loses_nothing_of_a_replay(monkeypatch, tmp_path: Path) -> None:

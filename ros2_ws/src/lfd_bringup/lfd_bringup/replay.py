@@ -20,6 +20,8 @@ from lfd_diagnosis.verdict import Event, State
 from lfd_mpc.errors import UserError
 from lfd_mpc.mpc_node import MpcNode
 from lfd_mpc.node_process import deliver, interruptible, make_executor, own_arguments
+from lfd_mpc.samples import Sample
+from lfd_mpc.sampling import Sampler
 from lfd_mpc.starting import INTERRUPTED
 from lfd_observer.observer_node import ObserverNode
 from lfd_replay.bag_player import add_play_options, checked_samples, play, play_options
@@ -184,7 +186,9 @@ def main_replay(arguments: list[str], joined: float) -> int:
             speed = player.total / wall
             console.print(f"played {player.total:.1f} s in {wall:.1f} s ({speed:.1f} x real time)")
         with interruptible():
-            _leave(options.out, drive, seen, recorder, options.profile, console)
+            count = _leave(options.out, drive, seen, recorder, options.profile, console)
+            if wall is not None:
+                tell_lost(count, samples)
     finally:
         executor.shutdown()
         for node in nodes:
@@ -243,8 +247,8 @@ def _leave(
     recorder: RecorderNode,
     profile: str,
     console: Console,
-) -> None:
-    """Bag, report and summary."""
+) -> int:
+    """Bag, report and summary; returns how many steps they are of."""
     # What draws is loaded when there is something to draw, not before the first report.
     from lfd_replay.drawing.panels import Recording
     from lfd_replay.report import write_report
@@ -258,3 +262,19 @@ def _leave(
     report = write_report(out, drive.name, recording, sensors, profile)
     print_table(result_table(sensors, f"{len(steps)} steps"))
     console.print(f"bag: {out / 'bag'}   report: {report}", highlight=False)
+    return len(steps)
+
+
+def tell_lost(count: int, samples: Sequence[Sample]) -> None:
+    """Say on stderr where `count` steps are fewer than the samples that were played release.
+
+    No queue holds more than some seconds: what is played too fast is lost, and looks judged.
+    """
+    sampler = Sampler()
+    released = sum(len(sampler.push(sample)) for sample in samples)
+    if count < released:
+        print(
+            f"warning: {released - count} of {released} steps were lost on the way, and all "
+            "figures are of the others: a lower --rate is expected, or 0, which loses none",
+            file=sys.stderr,
+        )
