@@ -159,6 +159,24 @@ def test_a_speed_that_is_said_twice_is_told_when_it_is_held() -> None:
     assert {event.signal for event in faults(samples)} == {"host_speed"}
 
 
+@pytest.mark.parametrize("period", [0.05, 0.1])
+@pytest.mark.parametrize("step", [0.01, 0.1, 0.2778])
+@pytest.mark.parametrize("into", [-0.3, 0.0, 0.3])
+def test_a_seldom_speed_that_is_held_as_the_car_brakes_blames_no_accelerometer(
+    period: float, step: float, into: float
+) -> None:
+    """Both say that they disagree, but cars brake little by little, and sensors do not fail so."""
+    truth = drive_truth("braking")
+    brakes = truth.time[np.flatnonzero(np.diff(truth.host_speed) < -0.005)[0]]
+    samples = changed(thinned(drive("braking"), HOST_SPEED, period), HOST_SPEED, coarse(step))
+    text = f"hold:host_speed@{brakes + into:.2f}-{brakes + into + 3.0:.2f}"
+    samples = FaultInjector(parse_faults([text]), 0, 1).apply(samples)
+    found = faults(samples)
+    assert {event.signal for event in found} == {"host_speed"}
+    assert found[0].fault.kind == Kind.HOLD
+    assert found[0].stamp * 1e-9 < brakes + 1.2
+
+
 @pytest.mark.parametrize(("lateness", "step"), [(0.05, 0.01), (0.1, 0.2778)])
 def test_a_speed_that_comes_seldom_and_late_is_healthy(lateness: float, step: float) -> None:
     samples = thinned(drive("braking"), HOST_SPEED, 0.1)

@@ -35,14 +35,10 @@ from lfd_diagnosis.evidence import Ground, is_exceeded, is_gauged, repeats, set_
 from lfd_diagnosis.host_speed import (
     JERK_FILTER,
     JERK_SHARE,
-    hides_by_rounding,
-    is_standing,
     jerk_between,
     jerk_of,
     rattles,
     seldom_heard,
-    slips,
-    speed_seems_held,
     tells_of_bends,
 )
 from lfd_diagnosis.noise import deviation, learn_noise, while_learning
@@ -60,9 +56,6 @@ GENTLE = 2.0
 
 WARM_UP = 3.0
 """Seconds over which the limits come down from thrice to once their width."""
-
-LEAD_RESTED = 2.0
-"""Seconds for which a lead must have been at rest before a car that seems to stand surely does."""
 
 STILL_KNOWN, KNOWN_AFTER_SILENCE, SLOPE_FADES = 1.0, 2.5, 0.8
 """Seconds of learning that a slope is worth however long nothing was heard of it, and after a
@@ -230,33 +223,6 @@ def doubt_slope(monitor, worth):
     least = min(monitor.slope_known, worth)
     known = min(monitor.slope_known, WARM_UP) - SLOPE_FADES * STEP_S
     monitor.slope_known = max(known, least)
-
-
-@inner
-def speed_may_be_wrong(monitor, settings):
-    """Whether the speed that contradicts may be rounded or held: it tells so itself in a moment."""
-    resting = is_standing(monitor.speed) and monitor.lead_rests_for >= LEAD_RESTED
-    if resting or monitor.leapt_for:
-        # A car that drove off would have left its lead, or followed one that is not at rest; and
-        # nothing but its own fault makes an accelerometer leap.
-        return False
-    if hides_by_rounding(monitor.speed, settings) or slips(monitor.speed):
-        return True
-    if not settings.check_repetition:
-        return False
-    when_held = as_the_car_moves(monitor, monitor.speed.derivative_when_held)
-    then = monitor.filtered - when_held - monitor.check.reference
-    agrees_with_then = abs(then) <= monitor.check.limit
-    return speed_seems_held(monitor.speed, agrees_with_then, lead_speaks_for(monitor))
-
-
-@inner
-def lead_speaks_for(monitor):
-    """Whether the lead, as observers see it, is steadier if the accelerometer is right than if the
-    speed is."""
-    by_speed = as_the_car_moves(monitor, monitor.speed.derivative) + monitor.relative_slow
-    felt = monitor.filtered - monitor.check.reference + monitor.relative_slow
-    return not isnan(monitor.lead) and abs(felt) < abs(by_speed)
 
 
 @inner

@@ -23,10 +23,10 @@ AROUND, NEAR, AT_ONCE_SHARE = 10, 3, 0.6
 """Steps that are averaged to tell whether a change came at once, steps around where the values
 divide best in which it may have come, and share of it that must have."""
 
-AFTER, BEFORE, JUST_NOW = 15, 75, 0.7
+AFTER, BEFORE, JUST_NOW, OF_LATE = 15, 75, 0.7, 0.6
 """Steps that are averaged after a change, most steps until before it, and share of it that must
 have come meanwhile: a manoeuvre hides what the accelerometer made of it by a rare coincidence
-only."""
+only; share of it that came lately."""
 
 JUMP = np.dtype(
     [
@@ -126,6 +126,16 @@ def came_at_once(jump, change):
         if abs(after - _sum(jump, ago, ago + AROUND) / AROUND) > least:
             return True
     return False
+
+
+@inner
+def came_lately(jump, change):
+    """Whether the differences changed by most of `change` (m/s^2) since the oldest of them."""
+    if jump.count < AFTER + LEAST_BEFORE:
+        return False
+    before = _sum(jump, jump.count - LEAST_BEFORE, jump.count) / LEAST_BEFORE
+    changed = _sum(jump, 0, AFTER) / AFTER - before
+    return changed * change >= OF_LATE * change * change
 
 
 @inner

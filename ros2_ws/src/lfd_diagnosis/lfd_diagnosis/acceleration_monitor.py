@@ -18,7 +18,6 @@ from lfd_diagnosis.acceleration_against_speed import (
     became_another,
     doubt_slope,
     slope_after,
-    speed_may_be_wrong,
 )
 from lfd_diagnosis.acceleration_direction import may_reverse
 from lfd_diagnosis.acceleration_jump import came_at_once, restart_jump
@@ -38,6 +37,7 @@ from lfd_diagnosis.host_speed import (
     ROUGH_TIME,
     ROUGH_TIME_ALONE,
     SLOW,
+    convict_held,
     is_road_calm,
     is_usable,
     may_be_right,
@@ -48,9 +48,11 @@ from lfd_diagnosis.roughness import rough_share
 from lfd_diagnosis.speed_against_acceleration import (
     blame_speed,
     hold_speed,
+    is_held,
     is_the_speeds,
     is_told,
     seems_road,
+    speed_may_be_wrong,
 )
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
@@ -122,15 +124,9 @@ def judge_acceleration(
         share = rough_share(monitor.roughness)
         _convict(monitor, settings, Kind.NOISE, Ground.ROUGHNESS, share, 0.0)
     elif exceeded and _is_beyond_doubt(monitor, settings):
-        ends = _ends_the_last(monitor, settings) or _leads_back(monitor, settings)
-        if ends or _began_wrongly(monitor):
-            _end_the_last(monitor)
-        elif settings.check_speed and is_the_speeds(monitor, settings):
-            if _take_for_the_speeds(monitor, settings):
-                _hold_against_evidence(monitor, settings, False, relative_velocity, lead_report)
-        else:
-            check = monitor.check
-            _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
+        _tell_whose(monitor, settings)
+        if usable and monitor.speed.faulty:
+            _hold_against_evidence(monitor, settings, False, relative_velocity, lead_report)
 
 
 @inner
@@ -171,11 +167,27 @@ def _is_beyond_doubt(monitor, settings):
         and monitor.new_samples >= 2
         and _newest_disagrees(monitor)
         and _outlasts_a_bump(monitor)
-        and not (
-            monitor.check.ground == Ground.HOST_SPEED
-            and (speed_may_be_wrong(monitor, settings) or may_reverse(monitor))
-        )
+        and not (monitor.check.ground == Ground.HOST_SPEED and may_reverse(monitor))
     )
+
+
+@inner
+def _tell_whose(monitor, settings):
+    """What surely disagrees is the accelerometer's, or else the speed's, or of the road."""
+    check = monitor.check
+    if check.ground == Ground.HOST_SPEED and speed_may_be_wrong(monitor, settings):
+        # If it is, it tells so in a moment.
+        if is_held(monitor, settings):
+            convict_held(monitor.speed, monitor.speed.last)
+            forgive_acceleration(monitor)
+        return
+    ends = _ends_the_last(monitor, settings) or _leads_back(monitor, settings)
+    if ends or _began_wrongly(monitor):
+        _end_the_last(monitor)
+    elif settings.check_speed and is_the_speeds(monitor, settings):
+        _take_for_the_speeds(monitor, settings)
+    else:
+        _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
 
 
 @inner
@@ -216,15 +228,14 @@ def _began_wrongly(monitor):
 
 @inner
 def _take_for_the_speeds(monitor, settings):
-    """What disagrees is the road that bent, or a speed that drifts; whether that was found."""
+    """What disagrees is the road that bent, or a speed that drifts, as soon as that is told."""
     if not is_told(monitor):
-        return False
+        return
     if seems_road(monitor, settings):
         _end_the_last(monitor)
-        return False
-    blame_speed(monitor, settings)
-    forgive_acceleration(monitor)
-    return True
+    else:
+        blame_speed(monitor, settings)
+        forgive_acceleration(monitor)
 
 
 @inner

@@ -89,6 +89,10 @@ JERK_FILTER = 0.15
 HEARD_OFTEN = 0.02
 """Seconds between two samples of a speed that is known all the time."""
 
+EQUAL_LEAST, EQUAL_MOST, EQUAL_TIME = 3, 10, 0.1
+"""Equal samples in a row that are never suspect, at least and at most, and seconds for which they
+are not, however often it is heard."""
+
 MOVED_STEPS, LONGEST_REFRESH, REFRESH_SHARE = 2.5, 0.3, 0.2
 """Steps of its resolution by which a new value differs if it was not rounding that kept the one
 before, the longest time in s for which a sensor says everything again, and the share by which a new
@@ -143,6 +147,7 @@ HOST_SPEED = np.dtype(
         ("same", "i8"),
         ("missed", "f8"),
         ("held_for", "f8"),
+        ("still", "?"),
         ("filtered", "f8"),
         ("derivative", "f8"),
         ("derivative_then", "f8"),
@@ -165,8 +170,9 @@ largest lately. `calm_for` and `slipped`: steps since a wheel was shaken, and si
 slipped.
 
 `same`: samples in a row that are equal, those of a car that seems to stand, too; `missed` (m/s):
-what the host's acceleration should have changed in `held_for` s of equal ones; `felt` (m/s^2): how
-the host accelerated at the newest one. `off` (m/s): the sum of the jumps of a faulty one, and of
+what the host's acceleration should have changed in `held_for` s of equal ones, `still`: whether
+it has said the same ever since it was called held; `felt` (m/s^2): how the host accelerated at the
+newest one. `off` (m/s): the sum of the jumps of a faulty one, and of
 what it drifted by; `quiet` (s): for how long nothing was wrong with it. `doubt` (m/s) is what the
 newest one, seen at `seen_at`, jumps by, NaN if it does not or is not in doubt any more, `possible`
 (m/s) how far a car may jump; the first one that was in doubt is of `doubted_at` (where none is, the
@@ -180,7 +186,7 @@ def start_speed(speed, learn):
     """Begin with nothing."""
     start_noise(speed.noise, 0.03, 0.003, 1.0, learn, 400)
     start_roughness(speed.roughness, 32, NOISELESS)
-    start_repetition(speed.repetition, 10)
+    start_repetition(speed.repetition, EQUAL_MOST)
     speed.outliers, speed.refresh = 0, 0.0
     restart_speed(speed)
 
@@ -200,7 +206,7 @@ def believe_again(speed):
     """It is not faulty any more, and nothing is known of a fault."""
     speed.faulty, speed.kind = False, Kind.UNKNOWN
     speed.size = speed.size_std = np.nan
-    speed.off = 0.0
+    speed.off, speed.still = 0.0, False
     speed.because.ground = Ground.NONE
 
 
@@ -339,6 +345,19 @@ def _says_the_same(speed, settings):
 def _least_missed(speed):
     """By how many m/s it must have missed a change before that is seen at all."""
     return max(MISSED, MOVED_STEPS * resolution_of(speed.roughness))
+
+
+@inner
+def may_miss_a_change(speed):
+    """Whether it says the same, other than that the car stands, though what is felt may have moved
+    it."""
+    return speed.same > 0 and abs(speed.missed) > MISSED and not seems_to_stand(speed)
+
+
+@inner
+def misses_a_change(speed):
+    """Whether that which is felt should have moved it by more than its steps."""
+    return may_miss_a_change(speed) and abs(speed.missed) > _least_missed(speed)
 
 
 @inner
@@ -513,9 +532,12 @@ def _take(speed, settings, at, value, acceleration, shaken):
 @inner
 def _follow_repetition(speed, at, value, period, acceleration):
     """For how long it has said the same, and what it missed since then."""
+    seldom = EQUAL_TIME / max(speed.roughness.period, EQUAL_TIME / EQUAL_MOST)
+    speed.repetition.least = max(int(seldom), EQUAL_LEAST)
     speed.same = speed.same + 1 if value == speed.last else 0
     equal = take_repetition(speed.repetition, value, not speed.faulty)
     if not equal:
+        speed.still = False
         speed.derivative_when_held = speed.derivative
         _learn_refresh(speed, at, value)
     speed.missed = speed.missed + acceleration * period if equal else 0.0
@@ -549,9 +571,8 @@ def _look_for_faults(speed, settings, value, period, shaken):
     """Convict it where it is held or rough; else it is quiet for longer."""
     rough = is_rough(speed.roughness)
     speed.rough_for = speed.rough_for + period if rough else 0.0
-    if settings.check_repetition and _look_for_hold(speed):
-        run = speed.repetition.run + 1
-        _convict(speed, Kind.HOLD, np.nan, Ground.SPEED_HELD, value, run, 0.0)
+    if settings.check_repetition and (_look_for_hold(speed) or speed.still):
+        convict_held(speed, value)
     elif settings.check_roughness and speed.rough_for >= ROUGH_TIME and not shaken:
         # Not every accelerometer feels a bad road.
         if speed.rough_for >= ROUGH_TIME_ALONE:
@@ -614,6 +635,14 @@ def _convict(speed, kind, size, ground, first, second, third):
         speed.faulty, speed.kind = True, kind
         speed.size, speed.size_std = size, deviation(speed.noise)
         give_ground(speed.because, ground, first, second, third)
+
+
+@inner
+def convict_held(speed, value):
+    """It says the same `value` (m/s) again and again."""
+    run = speed.repetition.run + 1
+    _convict(speed, Kind.HOLD, np.nan, Ground.SPEED_HELD, value, run, 0.0)
+    speed.still = True
 
 
 @inner

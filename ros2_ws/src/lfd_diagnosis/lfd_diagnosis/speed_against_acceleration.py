@@ -11,9 +11,15 @@ from lfd_diagnosis.acceleration_against_speed import (
     GENTLE_SLOPE,
     allowance_of,
     difference,
-    lead_speaks_for,
 )
-from lfd_diagnosis.acceleration_jump import jump_noise, own_share, steps_since
+from lfd_diagnosis.acceleration_direction import as_the_car_moves
+from lfd_diagnosis.acceleration_jump import (
+    came_at_once,
+    came_lately,
+    jump_noise,
+    own_share,
+    steps_since,
+)
 from lfd_diagnosis.acceleration_state import has_leapt, leapt_lately
 from lfd_diagnosis.evidence import Ground, is_gauged
 from lfd_diagnosis.host_speed import (
@@ -23,6 +29,12 @@ from lfd_diagnosis.host_speed import (
     drifts,
     follow_drift,
     has_settled,
+    hides_by_rounding,
+    is_standing,
+    may_miss_a_change,
+    misses_a_change,
+    slips,
+    speed_seems_held,
 )
 from lfd_diagnosis.repetition import is_beyond_chance
 from lfd_mpc.compiled import inner
@@ -35,8 +47,58 @@ car brakes or speeds up, which is felt as well; where the road bends it is not."
 SETTLED = 40
 """Steps after which the derivative has followed what changed."""
 
+LEAD_RESTED = 2.0
+"""Seconds for which a lead must have been at rest before a car that seems to stand surely does."""
+
 STILL = 0.5
 """Share of the rate by which a speed drifted first that shows that it still does."""
+
+
+@inner
+def speed_may_be_wrong(monitor, settings):
+    """Whether the speed that contradicts may be rounded or held: it tells so itself in a moment."""
+    resting = is_standing(monitor.speed) and monitor.lead_rests_for >= LEAD_RESTED
+    if resting or monitor.leapt_for:
+        # A car that drove off would have left its lead, or followed one that is not at rest; and
+        # nothing but its own fault makes an accelerometer leap.
+        return False
+    if hides_by_rounding(monitor.speed, settings) or slips(monitor.speed):
+        return True
+    if not settings.check_repetition:
+        return False
+    if _repeats_as_it_is_felt(monitor):
+        return True
+    when_held = as_the_car_moves(monitor, monitor.speed.derivative_when_held)
+    then = monitor.filtered - when_held - monitor.check.reference
+    agrees_with_then = abs(then) <= monitor.check.limit
+    return speed_seems_held(monitor.speed, agrees_with_then, lead_speaks_for(monitor))
+
+
+@inner
+def lead_speaks_for(monitor):
+    """Whether the lead, as observers see it, is steadier if the accelerometer is right than if the
+    speed is."""
+    by_speed = as_the_car_moves(monitor, monitor.speed.derivative) + monitor.relative_slow
+    felt = monitor.filtered - monitor.check.reference + monitor.relative_slow
+    return not isnan(monitor.lead) and abs(felt) < abs(by_speed)
+
+
+@inner
+def _repeats_as_it_is_felt(monitor):
+    """Whether the speed says the same while what is felt changes lately, but little by little: so a
+    car brakes, where a sensor jumps, or drifts for longer."""
+    off = monitor.check.residual
+    by_and_by = came_lately(monitor.jump, off) and not came_at_once(monitor.jump, off)
+    return may_miss_a_change(monitor.speed) and by_and_by
+
+
+@inner
+def is_held(monitor, settings):
+    """Whether a speed that may be wrong surely is held: it repeats itself while so much is felt
+    as no road makes."""
+    beyond_roads = abs(monitor.check.residual) > settings.steepest_road
+    missing = settings.check_repetition and misses_a_change(monitor.speed)
+    return missing and beyond_roads and _repeats_as_it_is_felt(monitor)
 
 
 @inner
