@@ -7,7 +7,8 @@ import numpy as np
 from lfd_diagnosis.evidence import repeats
 from lfd_diagnosis.lead_track import predict_track, set_clearance
 from lfd_diagnosis.noise import deviation
-from lfd_diagnosis.radar_signal import is_bad, is_held, repeats_wrongly
+from lfd_diagnosis.radar_fault_kind import is_held, repeats_wrongly
+from lfd_diagnosis.radar_residual import is_bad
 from lfd_diagnosis.radar_state import SLOW_TIME, WANDERING, is_either_held, wander_of
 from lfd_diagnosis.repetition import (
     CHANCE,

@@ -26,17 +26,17 @@ from lfd_diagnosis.lead_track import (
     velocity_then,
 )
 from lfd_diagnosis.noise import learn_noise
+from lfd_diagnosis.radar_fault_kind import classify
+from lfd_diagnosis.radar_jump import move_reference
 from lfd_diagnosis.radar_requalification import look_for_agreement, requalify
-from lfd_diagnosis.radar_signal import (
-    classify,
+from lfd_diagnosis.radar_residual import (
     count_scan,
     deviation_about,
-    forget_usual,
     is_bad,
     learn_swing,
     least_limit,
-    move_reference,
 )
+from lfd_diagnosis.radar_signal import forget_usual
 from lfd_diagnosis.radar_state import (
     SLOW_STD,
     SLOW_TIME,
@@ -72,9 +72,7 @@ from lfd_diagnosis.repetition import (
 from lfd_diagnosis.roughness import resolution_of, restart_roughness, take_roughness
 from lfd_diagnosis.sample import POSSIBLE_JERK, as_measured, is_new
 from lfd_diagnosis.scan_rows import begins_to_tell, is_scan
-from lfd_diagnosis.travelled_path import (
-    LARGEST_GAP,
-)
+from lfd_diagnosis.travelled_path import LARGEST_GAP
 from lfd_mpc.compiled import inner
 from lfd_mpc.samples import UNKNOWN_TRACK
 from lfd_mpc.settings import STEP_S

@@ -4,27 +4,20 @@ from math import isfinite, sqrt
 
 import numpy as np
 
+from lfd_diagnosis.drift_history import follow_drift, has_stopped
 from lfd_diagnosis.lead_track import believe, set_clearance, set_velocity
 from lfd_diagnosis.noise import deviation
-from lfd_diagnosis.radar_signal import (
-    agrees_long_enough,
+from lfd_diagnosis.radar_agreement import agrees_long_enough, follow_agreement
+from lfd_diagnosis.radar_fault_kind import shows_itself, still_shows
+from lfd_diagnosis.radar_jump import (
     came_back_and_shifts,
-    deviation_about,
-    follow_agreement,
-    follow_drift,
-    forgive,
     has_not_jumped_back,
-    has_stopped,
-    is_bad,
     look_for_return,
-    lose_reference,
     may_have_shifted,
     note_end,
-    restart_agreement,
-    shows_itself,
-    size_to_tell,
-    still_shows,
 )
+from lfd_diagnosis.radar_residual import deviation_about, is_bad
+from lfd_diagnosis.radar_signal import forgive, lose_reference, restart_agreement, size_to_tell
 from lfd_diagnosis.radar_state import is_radar_faulty, is_reference_lost, wander_of
 from lfd_diagnosis.radar_target import begin_target
 from lfd_diagnosis.roughness import resolution_of

@@ -7,14 +7,8 @@ import numpy as np
 from lfd_diagnosis.evidence import repeats
 from lfd_diagnosis.lead_track import LEAD_TRACK, set_clearance
 from lfd_diagnosis.new_target import LEAP, forget_leap
-from lfd_diagnosis.radar_signal import (
-    RADAR_SIGNAL,
-    deviation_about,
-    forgive,
-    least_limit,
-    restart_signal,
-    start_signal,
-)
+from lfd_diagnosis.radar_residual import deviation_about, least_limit
+from lfd_diagnosis.radar_signal import RADAR_SIGNAL, forgive, restart_signal, start_signal
 from lfd_diagnosis.ring import RING
 from lfd_diagnosis.roughness import restart_roughness
 from lfd_diagnosis.scan_rows import SCAN_ROWS, restart_scan_rows, start_scan_rows

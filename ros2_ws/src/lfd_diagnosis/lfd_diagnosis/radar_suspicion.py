@@ -4,6 +4,7 @@ from math import isfinite
 
 import numpy as np
 
+from lfd_diagnosis.drift_history import drifts_by
 from lfd_diagnosis.evidence import Ground, give_ground
 from lfd_diagnosis.held_radar import (
     catches_up,
@@ -14,18 +15,10 @@ from lfd_diagnosis.held_radar import (
 )
 from lfd_diagnosis.lead_track import believe, set_clearance, set_velocity
 from lfd_diagnosis.noise import deviation
+from lfd_diagnosis.radar_jump import GRADUAL, ends_the_last
 from lfd_diagnosis.radar_requalification import rebase
-from lfd_diagnosis.radar_signal import (
-    GRADUAL,
-    HARDLY,
-    acquit,
-    convict,
-    drifts_by,
-    ends_the_last,
-    forgive,
-    is_bad,
-    may_be_outliers,
-)
+from lfd_diagnosis.radar_residual import HARDLY, is_bad, may_be_outliers
+from lfd_diagnosis.radar_signal import acquit, convict, forgive
 from lfd_diagnosis.radar_state import go_over, wander_of, widening
 from lfd_diagnosis.repetition import is_beyond_chance
 from lfd_diagnosis.ring import at

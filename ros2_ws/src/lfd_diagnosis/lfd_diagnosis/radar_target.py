@@ -15,13 +15,12 @@ from lfd_diagnosis.lead_track import (
 )
 from lfd_diagnosis.new_target import follow_leap, forget_leap, is_far, judge_leap
 from lfd_diagnosis.noise import deviation
+from lfd_diagnosis.radar_agreement import agrees_by_now
+from lfd_diagnosis.radar_residual import deviation_about, is_bad
 from lfd_diagnosis.radar_signal import (
-    agrees_by_now,
     begin_to_judge,
     carry,
-    deviation_about,
     forgive,
-    is_bad,
     is_known_offset,
     lose_reference,
     offset_of,

@@ -19,8 +19,10 @@ from lfd_diagnosis.lead_report import (
     restart_lead,
     tells_unseen,
 )
+from lfd_diagnosis.radar_agreement import ends_for_all_to_see
 from lfd_diagnosis.radar_monitor import coast_radar, follow_radar
-from lfd_diagnosis.radar_signal import deviation_about, ends_for_all_to_see, index_of, size_of
+from lfd_diagnosis.radar_residual import deviation_about, index_of
+from lfd_diagnosis.radar_signal import size_of
 from lfd_diagnosis.radar_state import (
     RADAR,
     READY_SCANS,
