@@ -4,6 +4,7 @@ from math import exp
 
 import numpy as np
 
+from lfd_diagnosis.drift_explanation import DRIFT
 from lfd_diagnosis.evidence import repeats
 from lfd_diagnosis.lead_track import LEAD_TRACK, set_clearance
 from lfd_diagnosis.new_target import LEAP, forget_leap
@@ -12,7 +13,7 @@ from lfd_diagnosis.radar_signal import RADAR_SIGNAL, forgive, restart_signal, st
 from lfd_diagnosis.ring import RING
 from lfd_diagnosis.roughness import restart_roughness
 from lfd_diagnosis.scan_rows import SCAN_ROWS, restart_scan_rows, start_scan_rows
-from lfd_diagnosis.travelled_path import DRIFT, TRAVELLED_PATH, clear_path, start_path, wander
+from lfd_diagnosis.travelled_path import TRAVELLED_PATH, clear_path, start_path, wander
 from lfd_mpc.compiled import inner
 from lfd_mpc.samples import UNKNOWN_TRACK
 

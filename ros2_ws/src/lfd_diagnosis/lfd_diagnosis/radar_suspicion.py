@@ -4,6 +4,7 @@ from math import isfinite
 
 import numpy as np
 
+from lfd_diagnosis.drift_explanation import explain_drift
 from lfd_diagnosis.drift_history import drifts_by
 from lfd_diagnosis.evidence import Ground, give_ground
 from lfd_diagnosis.held_radar import (
@@ -27,17 +28,14 @@ from lfd_diagnosis.travelled_path import (
     BEYOND_WINDOW,
     HEALTHY,
     clear_path,
-    explain_drift,
-    explain_step,
     follow_path,
     is_explainable,
     learn_lateness,
-    least_step,
     path_drift,
     path_limit,
-    step_limit,
     undone_rise,
 )
+from lfd_diagnosis.velocity_step import explain_step, least_step, step_limit
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
