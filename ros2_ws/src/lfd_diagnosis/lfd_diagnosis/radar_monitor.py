@@ -5,16 +5,8 @@ from math import exp, isfinite, sqrt
 import numpy as np
 
 from lfd_diagnosis.evidence import repeats
-from lfd_diagnosis.held_radar import (
-    follow_catching_up,
-    follow_held_velocity,
-    is_sent_again,
-    repeats_with_held,
-    should_have_changed,
-    stand_both,
-    stays_without_noise,
-    take_back_held,
-)
+from lfd_diagnosis.held_radar import should_have_changed
+from lfd_diagnosis.held_velocity import follow_held_velocity, take_back_held
 from lfd_diagnosis.lead_report import report_deviation
 from lfd_diagnosis.lead_track import (
     believe,
@@ -28,6 +20,12 @@ from lfd_diagnosis.lead_track import (
 from lfd_diagnosis.noise import learn_noise
 from lfd_diagnosis.radar_fault_kind import classify
 from lfd_diagnosis.radar_jump import move_reference
+from lfd_diagnosis.radar_repetition import (
+    is_sent_again,
+    repeats_with_held,
+    stand_both,
+    stays_without_noise,
+)
 from lfd_diagnosis.radar_requalification import look_for_agreement, requalify
 from lfd_diagnosis.radar_residual import (
     count_scan,
@@ -73,6 +71,7 @@ from lfd_diagnosis.roughness import resolution_of, restart_roughness, take_rough
 from lfd_diagnosis.sample import POSSIBLE_JERK, as_measured, is_new
 from lfd_diagnosis.scan_rows import begins_to_tell, is_scan
 from lfd_diagnosis.travelled_path import LARGEST_GAP
+from lfd_diagnosis.unseen_lead import follow_catching_up
 from lfd_mpc.compiled import inner
 from lfd_mpc.samples import UNKNOWN_TRACK
 from lfd_mpc.settings import STEP_S

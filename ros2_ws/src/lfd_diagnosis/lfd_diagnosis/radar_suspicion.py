@@ -7,16 +7,11 @@ import numpy as np
 from lfd_diagnosis.drift_explanation import explain_drift
 from lfd_diagnosis.drift_history import drifts_by
 from lfd_diagnosis.evidence import Ground, give_ground
-from lfd_diagnosis.held_radar import (
-    catches_up,
-    clearance_catches_up,
-    is_stuck,
-    is_weighed,
-    velocity_seems_held,
-)
+from lfd_diagnosis.held_radar import is_stuck
 from lfd_diagnosis.lead_track import believe, set_clearance, set_velocity
 from lfd_diagnosis.noise import deviation
 from lfd_diagnosis.radar_jump import GRADUAL, ends_the_last
+from lfd_diagnosis.radar_repetition import velocity_seems_held
 from lfd_diagnosis.radar_requalification import rebase
 from lfd_diagnosis.radar_residual import HARDLY, is_bad, may_be_outliers
 from lfd_diagnosis.radar_signal import acquit, convict, forgive
@@ -35,6 +30,7 @@ from lfd_diagnosis.travelled_path import (
     path_limit,
     undone_rise,
 )
+from lfd_diagnosis.unseen_lead import catches_up, clearance_catches_up, is_weighed
 from lfd_diagnosis.velocity_step import explain_step, least_step, step_limit
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner

@@ -5,7 +5,7 @@ from math import isnan
 import numpy as np
 
 from lfd_diagnosis.evidence import repeats
-from lfd_diagnosis.held_radar import begin_to_hold
+from lfd_diagnosis.held_velocity import begin_to_hold
 from lfd_diagnosis.lead_track import (
     believe,
     clearance_then,

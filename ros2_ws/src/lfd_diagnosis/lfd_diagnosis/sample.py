@@ -35,5 +35,13 @@ def beyond(value, limit):
     return value - max(-limit, min(limit, value))
 
 
+@inner
+def nearest_to_zero(first, second):
+    """The one nearer to zero, as what both of them say; 0 where they say the opposite."""
+    if first * second <= 0.0:
+        return 0.0
+    return first if abs(first) < abs(second) else second
+
+
 filter_share = inner(share_of)
 """`share_of` for compiled functions."""
