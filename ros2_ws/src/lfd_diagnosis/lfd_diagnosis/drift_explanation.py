@@ -152,12 +152,14 @@ def _was_step(times, steps, onset, slope):
 def explain_drift(path, settings, reach, excess, held, noise, drift):
     """Write into `drift` who is wrong, by the last `reach` s of the path.
 
-    A clearance that drifts leaves the path in a straight line; a relative velocity that drifts
-    bends it; a step of the velocity, too small for its own limits, leaves a straight line, but
-    was seen as a step, or began before the path did. A clearance that went over to another level at
-    once is a radar that sees another part of the car, unless no car is that long. `excess`: drift
-    over its limit; `held`: the clearance repeats itself; `noise`: variance of the clearance's, in
-    m^2.
+    A clearance that drifts leaves the path in a straight line, and so it does where the relative
+    velocity stepped by less than its own limits; but then the step was seen, or the line begins
+    with the path. Where the relative velocity drifts, the clearance leaves the path in a bend. One
+    that went over to another level at once lies on another part of the car, unless no car is that
+    long.
+
+    `excess`: drift over its limit; `held`: the clearance repeats itself; `noise`: variance of the
+    clearance's, in m^2.
     """
     times, off, steps, said = _newest(path, reach)
     n = len(times)

@@ -34,7 +34,8 @@ TAKEN_BACK = 2.0
 
 @inner
 def begin_to_hold(radar):
-    """A relative velocity may repeat itself from now on."""
+    """The relative velocity may repeat itself from now on: keep what is known of the lead now, to
+    tell what should change."""
     velocity, track = radar.measured_velocity, radar.track
     radar.held.lead = radar.slow_acceleration
     radar.held.slower_lead = radar.slower_acceleration

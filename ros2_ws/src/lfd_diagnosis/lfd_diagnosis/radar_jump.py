@@ -45,8 +45,8 @@ GRADUAL = 0.9
 the next."""
 
 AGAIN, AGAIN_SIGMA = 3, 6.0
-"""Scans after which what is faulty has surely jumped to somewhere else, and deviations of its noise
-that such a jump is from one scan to the next at least."""
+"""Scans after which a faulty signal has surely jumped elsewhere, and deviations of its noise by
+which such a jump steps at least, from one scan to the next."""
 
 END_UNSEEN = 60.0
 """Seconds in which a jump back may be the end of an offset that is believed since another target
@@ -99,8 +99,9 @@ def look_for_return(signal, said, repeated):
     """Take note of a scan, and of whether the jump that made the fault was undone, whatever became
     of the reference: some scans lie as far off those before as the first ones did, the other way.
 
-    Returns where it is now, off its reference, and how much it rose before from scan to scan; NaN
-    if it did not return. Of the scans the median: the newest may be an outlier.
+    `said`: a clearance's residual, or a relative velocity itself; `repeated`: the scan says nothing
+    new. Returns where it is now, off its reference, and how much it rose before from scan to scan;
+    NaN if it did not return. Of the scans the median: the newest may be an outlier.
     """
     if signal.kind != Kind.OFFSET:
         return np.nan, np.nan

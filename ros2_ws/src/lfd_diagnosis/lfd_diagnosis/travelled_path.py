@@ -13,7 +13,7 @@ MEAN = 0.25
 """Seconds at both ends of the window that are averaged."""
 
 AVERAGED = 5.0
-"""How many times smaller a clearance's noise is in such an average."""
+"""How many times smaller the variance of a clearance's noise is in such an average."""
 
 LEAST_TIME, LEAST_POINTS = 1.0, 10
 """Seconds of path from which on it is judged, and scans from which on it is explained."""
@@ -35,7 +35,7 @@ DRIFT_STEPS = 2.5
 """Steps of the clearance's resolution by which it may seem to drift."""
 
 HEALTHY = 0.6
-"""Share of the limit up to which what has passed is learnt as healthy."""
+"""Share of the limit up to which a drift is learnt as healthy."""
 
 CHOSEN = 0.35
 """Steps of the clearance's resolution that each swap between two targets of one car adds to its
@@ -45,7 +45,8 @@ LONGER = 1.4
 """How many times more the two may come apart over two windows than over one."""
 
 LEARNT_OF_IT = 0.92
-"""Share of a drift's variance that is learnt: not what goes on to one side for two windows."""
+"""Share of a healthy drift's variance that is learnt: what goes on to one side for two windows is
+left out."""
 
 SIGMA = 5.0
 """Learnt standard deviations of the drift that make its limit."""
@@ -209,8 +210,9 @@ def path_limit(path, settings, widening, resolution):
 
 @inner
 def path_drift(path, settings, limit):
-    """How far the two have come apart over one window in m, or over two less what that may be more;
-    0 while the path is short. Sets its `reach`, and learns how far they healthily come apart."""
+    """How far (m) the two have come apart over one window, or over two in the measure of one, where
+    that is farther; 0 while the path is short. Sets its `reach`, and learns how far they healthily
+    come apart."""
     length, window = path_length(path), settings.drift_window
     path.reach = window + BEYOND_WINDOW
     if length < LEAST_TIME:
@@ -270,10 +272,11 @@ def drift_rate(path, noise, time):
 
 @inner
 def undone_rise(path, jump):
-    """How far (m) the clearance has come away from the path travelled, over all of it that is
-    known: of what that may be the nearest to what a `jump` (m) undoes; 0 while the path is short.
+    """How far (m) the clearance has left the path travelled over all of it that is known, as a
+    `jump` (m) may undo it; 0 while the path is short.
 
-    What was left out may have gone on just so.
+    In the time that was left out, the clearance may have stayed beside the path, or gone on leaving
+    it just so: of all between, this is the nearest to what the jump undoes.
     """
     length, points = path_length(path), path.points
     if length < LEAST_TIME:

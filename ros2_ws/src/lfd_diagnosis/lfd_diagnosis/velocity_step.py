@@ -51,9 +51,9 @@ def _largest_step(path, duration):
 
 @inner
 def _came_at_once(path, number):
-    """The part of the step at that point (m/s) that no lead makes by accelerating: between the
-    medians of some scans before and after it, less what the velocity rose by before or rises by
-    since."""
+    """The part of the step at that scan (m/s) that no lead makes by accelerating: the difference of
+    the medians of some scans before and after it, less what the velocity would have changed by if
+    it had gone on as it did before, or does since."""
     n = BESIDE_STEP
     if number < n or number + n > path.count:
         return 0.0
@@ -79,8 +79,8 @@ def _came_at_once(path, number):
 
 @inner
 def _is_straight(path, number, before, rate):
-    """Whether a line of that rate (m/s) from what the clearance was beside the path `before` (m)
-    explains what it has been since that point."""
+    """Whether the clearance has left the path in a line of that `rate` (m/s) since that scan, from
+    what it lay beside it `before` (m)."""
     line = flat = 0.0
     stepped_at = path.points[row_of(path, number), 0]
     for k in range(number, path.count):
