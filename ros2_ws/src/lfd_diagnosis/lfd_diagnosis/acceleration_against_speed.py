@@ -8,7 +8,11 @@ from math import isnan
 
 import numpy as np
 
-from lfd_diagnosis.acceleration_direction import as_the_car_moves, follow_reversing
+from lfd_diagnosis.acceleration_direction import (
+    acceleration_by_speed,
+    as_the_car_moves,
+    follow_reversing,
+)
 from lfd_diagnosis.acceleration_jump import (
     follow_difference,
     forget_jump,
@@ -32,21 +36,15 @@ from lfd_diagnosis.acceleration_state import (
     swings_over_bumps,
 )
 from lfd_diagnosis.evidence import Ground, is_exceeded, is_gauged, repeats, set_check
-from lfd_diagnosis.host_speed import (
-    JERK_FILTER,
-    JERK_SHARE,
-    jerk_between,
-    jerk_of,
-    rattles,
-    seldom_heard,
-    tells_of_bends,
-)
+from lfd_diagnosis.held_speed import tells_of_bends
+from lfd_diagnosis.host_speed import rattles, seldom_heard
 from lfd_diagnosis.noise import deviation, learn_noise, while_learning
 from lfd_diagnosis.repetition import is_frozen
 from lfd_diagnosis.ring import append, at, is_full
 from lfd_diagnosis.road_bend import follow_bend, has_bent, is_unproven, leave_bend, slope_now
 from lfd_diagnosis.roughness import is_rough
 from lfd_diagnosis.sample import POSSIBLE_JERK, beyond
+from lfd_diagnosis.speed_derivative import JERK_FILTER, JERK_SHARE, jerk_between, jerk_of
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S, share_of
@@ -167,18 +165,18 @@ def against_speed(monitor, settings):
     elif not monitor.confidence:
         monitor.reference = np.nan
         healthy = abs(step) < LEAST * step_limit
-        jerk = as_the_car_moves(monitor, jerk_of(monitor.speed))
+        jerk = as_the_car_moves(monitor, jerk_of(monitor.speed.motion))
         _learn(monitor, settings, off, jerk, step if healthy else np.nan, slow_limit)
 
 
 @inner
 def difference(monitor, settings):
     """By how much they differ in this step (m/s^2), which is followed."""
-    jerk = as_the_car_moves(monitor, jerk_of(monitor.speed))
+    jerk = as_the_car_moves(monitor, jerk_of(monitor.speed.motion))
     lag, smooth = _lag(monitor, settings)
     if rattles(monitor.speed):
         smooth = -JERK_FILTER
-    derivative = as_the_car_moves(monitor, monitor.speed.derivative) + (lag + smooth) * jerk
+    derivative = acceleration_by_speed(monitor) + (lag + smooth) * jerk
     follow_difference(monitor.jump, newest_sample(monitor) - derivative, derivative)
     # What smoothing made late, and the accelerometer tells by now.
     _follow_own_jerk(monitor)
@@ -194,7 +192,7 @@ def _follow_road(monitor, settings, off):
     if not is_unproven(bend):
         bend.slope_before = monitor.slope
     bent = follow_bend(
-        bend, monitor.jump, off, speed.derivative, monitor.filtered, speed.last, steepest
+        bend, monitor.jump, off, speed.motion.derivative, monitor.filtered, speed.last, steepest
     )
     if has_bent(bend):
         monitor.slope = slope_now(bend)
@@ -252,7 +250,7 @@ def allowance_of(monitor, settings):
 @inner
 def _jerk_allowance(monitor, settings):
     """By how many m/s^2 a jerk widens the limits."""
-    jerk = max(abs(jerk_of(monitor.speed)), monitor.speed.largest_jerk - SHARP_JERK)
+    jerk = max(abs(jerk_of(monitor.speed.motion)), monitor.speed.motion.largest_jerk - SHARP_JERK)
     seldom = seldom_heard(monitor.speed)
     allowance = (settings.jerk_allowance + seldom) * jerk
     # A sharp manoeuvre shows every lag that is not known; the accelerometer feels it first.
@@ -307,7 +305,7 @@ def _learn_lag(monitor, jerk):
     The derivative's own jerk has the noise in it of what it is to explain, and would call a noisy
     speed early.
     """
-    derivative = as_the_car_moves(monitor, monitor.speed.derivative)
+    derivative = acceleration_by_speed(monitor)
     moved = monitor.filtered - derivative - monitor.baseline
     monitor.best_product += jerk * moved - monitor.best_product / LAG_MEMORY
     monitor.best_square += jerk * jerk - (monitor.best_square - LAG_PRIOR) / LAG_MEMORY

@@ -50,6 +50,12 @@ def as_the_car_moves(monitor, by_speed):
 
 
 @inner
+def acceleration_by_speed(monitor):
+    """How the car accelerates (m/s^2), forward, by the derivative of its speed."""
+    return as_the_car_moves(monitor, monitor.speed.motion.derivative)
+
+
+@inner
 def _turn(monitor, reverses):
     """The car moves that way: what was seen of its accelerations meanwhile tells nothing."""
     if reverses != monitor.reverses:
@@ -76,7 +82,7 @@ def follow_direction(monitor):
         monitor.gained_since += STEP_S * felt
         # The slope of a car that stood may be an old one: all must say the same.
         alike = monitor.gained * monitor.gained_since > 0.0 and monitor.gained * felt > 0.0
-        drives_off = heard and speed.derivative * speed.last > 0.0
+        drives_off = heard and speed.motion.derivative * speed.last > 0.0
         told = drives_off and alike and gained > max(TELLING, TELLING_SHARE * abs(speed.last))
         if told:
             _turn(monitor, monitor.gained * speed.last < 0.0)
@@ -87,7 +93,7 @@ def follow_direction(monitor):
 @inner
 def _stand(monitor):
     """The car seems to stand: it feels the slope, and may be about to drive off."""
-    settled = abs(monitor.speed.derivative) < SETTLED
+    settled = abs(monitor.speed.motion.derivative) < SETTLED
     if settled:
         # From here on it may go either way.
         monitor.reverses = False
@@ -108,7 +114,7 @@ def _stand(monitor):
 @inner
 def _off_the_other_way(monitor):
     """By how many m/s^2 the accelerometer is off the speed of a car that moves the other way."""
-    derivative = as_the_car_moves(monitor, monitor.speed.derivative)
+    derivative = acceleration_by_speed(monitor)
     return monitor.check.residual + 2.0 * derivative
 
 
@@ -116,7 +122,7 @@ def _off_the_other_way(monitor):
 def follow_reversing(monitor):
     """A car that only fits if it drives forward does, or that feels so beside what it felt at
     rest."""
-    derivative = monitor.speed.derivative
+    derivative = monitor.speed.motion.derivative
     felt = (monitor.filtered - monitor.at_rest) * (1.0 if derivative > 0.0 else -1.0)
     as_forward = abs(derivative) > TOLD_BY and felt > FITS * abs(derivative)
     fits = abs(_off_the_other_way(monitor)) <= FITS * abs(monitor.check.residual)

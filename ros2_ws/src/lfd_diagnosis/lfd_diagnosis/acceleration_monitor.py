@@ -33,18 +33,11 @@ from lfd_diagnosis.acceleration_state import (
 from lfd_diagnosis.confidence import counted
 from lfd_diagnosis.evidence import Ground, give_ground, is_exceeded, is_gauged
 from lfd_diagnosis.held_acceleration import is_still_held, look_for_hold
-from lfd_diagnosis.host_speed import (
-    ROUGH_TIME,
-    ROUGH_TIME_ALONE,
-    SLOW,
-    convict_held,
-    is_road_calm,
-    is_usable,
-    may_be_right,
-)
+from lfd_diagnosis.held_speed import convict_held
+from lfd_diagnosis.host_speed import SLOW, is_road_calm, is_usable, may_be_right
 from lfd_diagnosis.ring import is_full
 from lfd_diagnosis.road_bend import is_unproven, start_bend
-from lfd_diagnosis.roughness import rough_share
+from lfd_diagnosis.roughness import ROUGH_TIME, ROUGH_TIME_ALONE, rough_share
 from lfd_diagnosis.speed_against_acceleration import (
     blame_speed,
     hold_speed,

@@ -6,7 +6,11 @@ from math import exp, isnan, sqrt
 import numpy as np
 
 from lfd_diagnosis.acceleration_against_lead import ends_braking, newest_mean, waits
-from lfd_diagnosis.acceleration_direction import as_the_car_moves, follow_direction
+from lfd_diagnosis.acceleration_direction import (
+    acceleration_by_speed,
+    as_the_car_moves,
+    follow_direction,
+)
 from lfd_diagnosis.acceleration_state import (
     as_possible,
     follow_shaking,
@@ -14,19 +18,13 @@ from lfd_diagnosis.acceleration_state import (
     lose_samples,
     swings_over_bumps,
 )
-from lfd_diagnosis.host_speed import (
-    JERK_SHARE,
-    came_to_rest,
-    follow_speed,
-    is_believed,
-    is_standing,
-    is_usable,
-    lose_speed,
-)
+from lfd_diagnosis.host_speed import is_believed, is_standing, is_usable, lose_speed
 from lfd_diagnosis.repetition import excuse_repetition, take_repetition
 from lfd_diagnosis.ring import append, at, is_full, mean_of
 from lfd_diagnosis.roughness import is_rough, rough_share, take_roughness
 from lfd_diagnosis.sample import POSSIBLE_JERK, SAME_STAMP, as_measured, filter_share, is_new
+from lfd_diagnosis.speed_derivative import JERK_SHARE, came_to_rest
+from lfd_diagnosis.speed_samples import follow_speed
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S, share_of
 
@@ -80,9 +78,9 @@ def follow_acceleration(monitor, settings, horizon):
     else:
         lose_samples(monitor)
     if is_usable(speed, settings):
-        monitor.acceleration = as_the_car_moves(monitor, speed.derivative)
+        monitor.acceleration = acceleration_by_speed(monitor)
     elif usable and not monitor.faulty and is_possible(monitor):
-        rests = came_to_rest(speed) or is_standing(speed)
+        rests = came_to_rest(speed.motion) or is_standing(speed)
         ended = rests or (monitor.jumped_for and ends_braking(monitor))
         if monitor.jumped_for and swings_over_bumps(monitor):
             # It may be a bump, of which a few samples are no mean, or brakes.
@@ -117,7 +115,7 @@ def coast_samples(monitor):
 def _follow_braking(monitor, value):
     """How hard the host lately braked, and whether that may have ended at once; the newest sample
     in m/s^2, NaN if there is none."""
-    rests, heard = came_to_rest(monitor.speed), not isnan(value)
+    rests, heard = came_to_rest(monitor.speed.motion), not isnan(value)
     monitor.braked *= 1.0 - BRAKING_FADES
     if heard:
         slows = as_the_car_moves(monitor, monitor.slope - monitor.filtered)
@@ -181,7 +179,7 @@ def _follow_while_held(monitor, settings, same):
     A late speed comes to what was felt before: that is no reason to change, its leaving it is.
     """
     speed = monitor.speed
-    derivative = as_the_car_moves(monitor, speed.derivative)
+    derivative = acceleration_by_speed(monitor)
     if not same:
         monitor.felt_when_held = monitor.taken - monitor.slope
         monitor.derivative_when_held = derivative
@@ -197,8 +195,8 @@ def _start_filters(monitor, settings, value):
     time what speed and slope say."""
     monitor.filtered = monitor.slow_filtered = value
     if is_usable(monitor.speed, settings) and monitor.slope_known > 0.0 and not monitor.faulty:
-        monitor.filtered = as_the_car_moves(monitor, monitor.speed.derivative) + monitor.slope
-        slow = as_the_car_moves(monitor, monitor.speed.slow_derivative)
+        monitor.filtered = acceleration_by_speed(monitor) + monitor.slope
+        slow = as_the_car_moves(monitor, monitor.speed.motion.slow_derivative)
         monitor.slow_filtered = slow + monitor.slope
 
 

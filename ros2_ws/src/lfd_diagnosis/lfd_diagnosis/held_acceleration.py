@@ -2,7 +2,7 @@
 
 from lfd_diagnosis.acceleration_against_lead import is_nearing
 from lfd_diagnosis.acceleration_against_speed import allowance_of
-from lfd_diagnosis.acceleration_direction import as_the_car_moves
+from lfd_diagnosis.acceleration_direction import acceleration_by_speed
 from lfd_diagnosis.evidence import repeats
 from lfd_diagnosis.host_speed import is_believed, is_coarse, is_standing
 from lfd_diagnosis.noise import deviation
@@ -63,7 +63,7 @@ def _should_have_changed(monitor, settings, usable, relative_velocity):
         # Each of its steps shows in its derivative.
         change += SPEED_STEPS * resolution_of(speed.roughness) / settings.host_speed_filter_time
     change += allowance_of(monitor, settings)
-    derivative = as_the_car_moves(monitor, speed.derivative)
+    derivative = acceleration_by_speed(monitor)
     if abs(derivative - monitor.derivative_when_held) > change:
         return True
     # What is held was measured once; a zero was not.

@@ -329,13 +329,13 @@ def _judge_host_speed(state, settings, horizon, outcome):
             if is_gauged(kind):
                 size, size_std = speed.size, speed.size_std
         elif is_usable(speed, settings):
-            verdict = State.OK if isnan(speed.doubt) else State.SUSPECT
-    bad = 0 if isnan(speed.doubt) else 1
+            verdict = State.OK if isnan(speed.doubt.jump) else State.SUSPECT
+    bad = 0 if isnan(speed.doubt.jump) else 1
     _say(outcome.host_speed, verdict, kind, np.nan, bad, BAD_SPEEDS, size, size_std)
     evidence.speed_because = speed.because
     evidence.speed_faulty = speed.faulty and settings.use_host_speed
-    evidence.speed_doubt, evidence.speed_outliers = speed.doubt, speed.outliers
-    evidence.derivative, evidence.host_speed_age = speed.derivative, horizon.host_speed_age
+    evidence.speed_doubt, evidence.speed_outliers = speed.doubt.jump, speed.doubt.outliers
+    evidence.derivative, evidence.host_speed_age = speed.motion.derivative, horizon.host_speed_age
 
 
 @inner

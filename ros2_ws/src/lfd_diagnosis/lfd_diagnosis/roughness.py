@@ -26,6 +26,9 @@ when on the next sample has nothing to do with those before."""
 ROUGH_RATIO, ROUGH_SHARE = 5.0, 0.4
 """Rough: so many usual deviations are exceeded by such a share of the last samples."""
 
+ROUGH_TIME, ROUGH_TIME_ALONE = 0.3, 1.5
+"""Seconds of roughness that make a fault, and where nothing tells a bad road from a bad sensor."""
+
 WIDEST_WINDOW, KNOWN_WINDOWS = 64, 3
 """Samples that such a share is taken of at most, and how many times as many healthy ones must be
 known before any is called rough."""

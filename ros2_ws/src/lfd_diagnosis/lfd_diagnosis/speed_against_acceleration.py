@@ -12,7 +12,7 @@ from lfd_diagnosis.acceleration_against_speed import (
     allowance_of,
     difference,
 )
-from lfd_diagnosis.acceleration_direction import as_the_car_moves
+from lfd_diagnosis.acceleration_direction import acceleration_by_speed, as_the_car_moves
 from lfd_diagnosis.acceleration_jump import (
     came_at_once,
     came_lately,
@@ -22,21 +22,22 @@ from lfd_diagnosis.acceleration_jump import (
 )
 from lfd_diagnosis.acceleration_state import has_leapt, leapt_lately
 from lfd_diagnosis.evidence import Ground, is_gauged
+from lfd_diagnosis.held_speed import (
+    hides_by_rounding,
+    may_miss_a_change,
+    misses_a_change,
+    speed_seems_held,
+)
 from lfd_diagnosis.host_speed import (
     believe_again,
     convict_drift,
     doubt_again,
     drifts,
     follow_drift,
-    has_settled,
-    hides_by_rounding,
     is_standing,
-    may_miss_a_change,
-    misses_a_change,
-    slips,
-    speed_seems_held,
 )
 from lfd_diagnosis.repetition import is_beyond_chance
+from lfd_diagnosis.speed_derivative import has_settled, slips
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
 
@@ -62,13 +63,13 @@ def speed_may_be_wrong(monitor, settings):
         # A car that drove off would have left its lead, or followed one that is not at rest; and
         # nothing but its own fault makes an accelerometer leap.
         return False
-    if hides_by_rounding(monitor.speed, settings) or slips(monitor.speed):
+    if hides_by_rounding(monitor.speed, settings) or slips(monitor.speed.motion):
         return True
     if not settings.check_repetition:
         return False
     if _repeats_as_it_is_felt(monitor):
         return True
-    when_held = as_the_car_moves(monitor, monitor.speed.derivative_when_held)
+    when_held = as_the_car_moves(monitor, monitor.speed.motion.derivative_when_held)
     then = monitor.filtered - when_held - monitor.check.reference
     agrees_with_then = abs(then) <= monitor.check.limit
     return speed_seems_held(monitor.speed, agrees_with_then, lead_speaks_for(monitor))
@@ -78,7 +79,7 @@ def speed_may_be_wrong(monitor, settings):
 def lead_speaks_for(monitor):
     """Whether the lead, as observers see it, is steadier if the accelerometer is right than if the
     speed is."""
-    by_speed = as_the_car_moves(monitor, monitor.speed.derivative) + monitor.relative_slow
+    by_speed = acceleration_by_speed(monitor) + monitor.relative_slow
     felt = monitor.filtered - monitor.check.reference + monitor.relative_slow
     return not isnan(monitor.lead) and abs(felt) < abs(by_speed)
 
@@ -121,7 +122,7 @@ def is_the_speeds(monitor, settings):
 def is_told(monitor):
     """Whether by how much the speed's derivative changed is known by now; not while it says the
     same, as one does that is held."""
-    return steps_since(monitor.jump) >= SETTLED and not monitor.speed.same
+    return steps_since(monitor.jump) >= SETTLED and not monitor.speed.held.same
 
 
 @inner
@@ -145,7 +146,7 @@ def hold_speed(monitor, settings):
     """A faulty speed that may be right by now: whether it agrees with the accelerometer, or it is
     the road that does not, after all."""
     speed = monitor.speed
-    if monitor.faulty or isnan(monitor.filtered) or not has_settled(speed, settings):
+    if monitor.faulty or isnan(monitor.filtered) or not has_settled(speed.motion, settings):
         return
     rate = monitor.slope - difference(monitor, settings)
     limit = STILL * abs(speed.because.first) if drifts(speed) else settings.acceleration_limit
