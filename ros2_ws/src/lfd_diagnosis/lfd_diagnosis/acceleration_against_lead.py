@@ -8,6 +8,7 @@ from math import isnan, sqrt
 
 import numpy as np
 
+from lfd_diagnosis.acceleration_shaking import shaking_left, swings_over_bumps
 from lfd_diagnosis.acceleration_size import estimate_size
 from lfd_diagnosis.acceleration_state import (
     BASE_SHARE,
@@ -20,8 +21,6 @@ from lfd_diagnosis.acceleration_state import (
     has_leapt,
     leapt_lately,
     newest_sample,
-    shaking_left,
-    swings_over_bumps,
 )
 from lfd_diagnosis.evidence import Ground, is_gauged, set_check
 from lfd_diagnosis.host_speed import is_believed
@@ -218,7 +217,7 @@ def mean_of_swings(monitor):
 def _jump_limit(monitor, settings):
     """What no car changes its acceleration by at once, nor this sensor's noise (m/s^2)."""
     # On a bad road, or over a kerb, even the mean of some samples jumps.
-    limit = settings.jump_limit * (SHAKEN_LIMIT if monitor.shaken else 1.0)
+    limit = settings.jump_limit * (SHAKEN_LIMIT if monitor.shaking.bad_road else 1.0)
     noise = sqrt(2.0) * shaking_left(monitor, SHARP * STEP_S)
     least = max(limit, SHAKEN_JUMP_SIGMA * noise, JUMP_SIGMA * deviation(monitor.jump_noise))
     # A car that has braked to rest jerks back as it does at no other time.

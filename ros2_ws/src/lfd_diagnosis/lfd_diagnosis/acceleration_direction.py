@@ -12,6 +12,7 @@ from lfd_diagnosis.acceleration_state import forget_differences
 from lfd_diagnosis.evidence import Ground, is_exceeded
 from lfd_diagnosis.host_speed import is_believed, seems_to_stand
 from lfd_diagnosis.ring import append, at, start_ring
+from lfd_diagnosis.speed_derivative import jerk_of
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
 
@@ -53,6 +54,12 @@ def as_the_car_moves(monitor, by_speed):
 def acceleration_by_speed(monitor):
     """How the car accelerates (m/s^2), forward, by the derivative of its speed."""
     return as_the_car_moves(monitor, monitor.speed.motion.derivative)
+
+
+@inner
+def jerk_by_speed(monitor):
+    """Its jerk (m/s^3), likewise."""
+    return as_the_car_moves(monitor, jerk_of(monitor.speed.motion))
 
 
 @inner

@@ -11,32 +11,27 @@ from lfd_diagnosis.acceleration_against_lead import (
     mean_of_swings,
     newest_mean,
 )
-from lfd_diagnosis.acceleration_against_speed import (
-    KNOWN_AFTER_SILENCE,
-    STILL_KNOWN,
-    against_speed,
-    became_another,
-    doubt_slope,
-    slope_after,
-)
+from lfd_diagnosis.acceleration_against_speed import against_speed
 from lfd_diagnosis.acceleration_direction import may_reverse
-from lfd_diagnosis.acceleration_jump import came_at_once, restart_jump
+from lfd_diagnosis.acceleration_jump import came_at_once
 from lfd_diagnosis.acceleration_samples import coast_samples
+from lfd_diagnosis.acceleration_shaking import swings_over_bumps
 from lfd_diagnosis.acceleration_size import estimate_size, find_size
 from lfd_diagnosis.acceleration_state import (
     forget_baseline,
     forgive_acceleration,
     has_leapt,
     newest_sample,
-    swings_over_bumps,
 )
 from lfd_diagnosis.confidence import counted
 from lfd_diagnosis.evidence import Ground, give_ground, is_exceeded, is_gauged
+from lfd_diagnosis.faulty_acceleration import became_another, slope_after
 from lfd_diagnosis.held_acceleration import is_still_held, look_for_hold
 from lfd_diagnosis.held_speed import convict_held
 from lfd_diagnosis.host_speed import SLOW, is_road_calm, is_usable, may_be_right
 from lfd_diagnosis.ring import is_full
-from lfd_diagnosis.road_bend import is_unproven, start_bend
+from lfd_diagnosis.road_bend import is_unproven
+from lfd_diagnosis.road_slope import KNOWN_AFTER_SILENCE, STILL_KNOWN, lose_slope
 from lfd_diagnosis.roughness import ROUGH_TIME, ROUGH_TIME_ALONE, rough_share
 from lfd_diagnosis.speed_against_acceleration import (
     blame_speed,
@@ -136,7 +131,7 @@ def _hold_against_evidence(monitor, settings, usable, relative_velocity, lead_re
         monitor.felt = np.nan
         if may_be_right(monitor.speed):
             hold_speed(monitor, settings)
-        _lose_slope(monitor, STILL_KNOWN)
+        lose_slope(monitor, STILL_KNOWN)
         against_lead(monitor, settings, relative_velocity, lead_report)
 
 
@@ -252,17 +247,7 @@ def _judge_nothing(monitor, worth):
     monitor.confidence, monitor.corrected = 0, False
     monitor.ended_for += STEP_S
     monitor.check.ground = Ground.NONE
-    _lose_slope(monitor, worth)
-
-
-@inner
-def _lose_slope(monitor, worth):
-    """Nothing tells how the road goes on; what its slope was is `worth` so many seconds of
-    learning."""
-    restart_jump(monitor.jump)
-    start_bend(monitor.bend)
-    if not monitor.faulty:
-        doubt_slope(monitor, worth)
+    lose_slope(monitor, worth)
 
 
 @inner

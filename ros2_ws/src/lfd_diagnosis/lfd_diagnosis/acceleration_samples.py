@@ -11,12 +11,11 @@ from lfd_diagnosis.acceleration_direction import (
     as_the_car_moves,
     follow_direction,
 )
+from lfd_diagnosis.acceleration_shaking import follow_shaking, swings_over_bumps
 from lfd_diagnosis.acceleration_state import (
     as_possible,
-    follow_shaking,
     is_possible,
     lose_samples,
-    swings_over_bumps,
 )
 from lfd_diagnosis.host_speed import is_believed, is_standing, is_usable, lose_speed
 from lfd_diagnosis.repetition import excuse_repetition, take_repetition
@@ -69,7 +68,7 @@ def follow_acceleration(monitor, settings, horizon):
         if not monitor.faulty and is_possible(monitor):
             felt = monitor.filtered - monitor.slope
         felt = as_the_car_moves(monitor, felt)
-        follow_speed(speed, settings, now, time, value, felt, monitor.shaken)
+        follow_speed(speed, settings, now, time, value, felt, monitor.shaking.bad_road)
     else:
         lose_speed(speed)
     if usable:
@@ -147,11 +146,11 @@ def _follow_samples(monitor, settings, time, said):
         _start_filters(monitor, settings, value)
     monitor.filtered += share * (value - monitor.filtered)
     monitor.slow_filtered += JERK_SHARE * (monitor.filtered - monitor.slow_filtered)
-    monitor.burst += share * ((value - monitor.filtered) ** 2 - monitor.burst)
+    monitor.shaking.burst += share * ((value - monitor.filtered) ** 2 - monitor.shaking.burst)
     monitor.leapt_for = max(monitor.leapt_for - 1, 0)
     monitor.leapt_ago += 1
     if monitor.fresh:
-        follow_shaking(monitor, value)
+        follow_shaking(monitor.shaking, value)
         leap = _leap(monitor, period)
         if leap:
             monitor.leap, monitor.leapt_for, monitor.leapt_ago = leap, LEAP_MEMORY, 0
@@ -165,7 +164,7 @@ def _follow_samples(monitor, settings, time, said):
     append(monitor.samples, value)
     append(monitor.before_jump, monitor.filtered - monitor.slope)
     # A bad road shakes the wheels, too; a sensor's own noise does not.
-    monitor.shaken = rough_share(monitor.roughness) > SHAKEN
+    monitor.shaking.bad_road = rough_share(monitor.roughness) > SHAKEN
     # An engine, and those who get on, shake a standing car, and its wheels tell nothing of it.
     excused = is_standing(monitor.speed) or _is_bad_road(monitor.speed)
     rough = is_rough(monitor.roughness) and (monitor.faulty or not excused)
@@ -210,7 +209,7 @@ def _is_bad_road(speed):
 def _leap(monitor, period):
     """By how many m/s^2 the newest sample, or the mean of three, leaves the one before as no
     manoeuvre does, else 0; a noisy sensor's single ones tell little."""
-    newest, rough = monitor.newest, LEAP_ROUGHNESS * sqrt(monitor.roughness.usual)
+    newest, rough = monitor.shaking.newest, LEAP_ROUGHNESS * sqrt(monitor.roughness.usual)
     last = newest.count - 1
     if last < 1:
         return 0.0

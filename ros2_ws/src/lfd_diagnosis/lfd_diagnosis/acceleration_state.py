@@ -1,17 +1,18 @@
 """What is known of the host's accelerometer: its samples, what they are held against, its fault."""
 
-from math import sqrt
-
 import numpy as np
 
 from lfd_diagnosis.acceleration_jump import AT_ONCE_SHARE, JUMP, LOOKED_AT, restart_jump, start_jump
+from lfd_diagnosis.acceleration_shaking import SHAKING, lose_shaking
 from lfd_diagnosis.evidence import BECAUSE, CHECK, Ground
 from lfd_diagnosis.host_speed import HOST_SPEED, restart_speed, start_speed
 from lfd_diagnosis.noise import LEARNT_NOISE, start_noise
 from lfd_diagnosis.repetition import REPETITION, restart_repetition, start_repetition
-from lfd_diagnosis.ring import RING, append, at, start_ring
+from lfd_diagnosis.ring import RING, at, start_ring
 from lfd_diagnosis.road_bend import ROAD_BEND, start_bend
 from lfd_diagnosis.roughness import ROUGHNESS, empty_roughness, start_roughness
+from lfd_diagnosis.speed_derivative import jerk_between
+from lfd_diagnosis.speed_lag import SPEED_LAG, forget_felt, start_lag
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S, share_of
@@ -21,24 +22,11 @@ BASELINE, BASELINE_DELAY = 0.7, 30
 
 BASE_SHARE = share_of(BASELINE)
 
-LAG_MEMORY, LAG_PRIOR = 1000, 40.0
-"""Samples that the lag is learnt over, and how much jerk (m^2/s^6) it takes to move it."""
-
 SHARP, SHARP_GAP = 8, 4
 """Steps that are averaged before and after a jump, and steps between them."""
 
 SAMPLES = 2 * SHARP + SHARP_GAP
 """Steps that are looked at for a jump."""
-
-NEWEST, FEWEST = 9, 4
-"""Samples that tell how much the sensor is shaken just now, and how many it takes."""
-
-STRONG = 2.0
-"""m/s^2 by which it may be shaken before that is known."""
-
-SWINGING = 0.65
-"""m/s^2 of usual roughness from which on a bump swings a sensor's mounting so far that it looks
-like a jump."""
 
 LEVEL_ROAD = 0.6
 """m/s^2 up to which what is felt may be a level road."""
@@ -87,10 +75,7 @@ ACCELERATION = np.dtype(
         ("leapt_ago", "i8"),
         ("roughness", ROUGHNESS),
         ("rough_for", "f8"),
-        ("burst", "f8"),
-        ("shaken", "?"),
-        ("newest", RING),
-        ("shaking", "f8"),
+        ("shaking", SHAKING),
         ("repetition", REPETITION),
         ("derivative_when_held", "f8"),
         ("felt_when_held", "f8"),
@@ -102,12 +87,7 @@ ACCELERATION = np.dtype(
         ("rested", RING),
         ("at_rest", "f8"),
         ("reverses", "?"),
-        ("jerk_then", "f8"),
-        ("own_jerk", "f8"),
-        ("best_product", "f8"),
-        ("best_square", "f8"),
-        ("lag_product", "f8"),
-        ("lag_square", "f8"),
+        ("lag", SPEED_LAG),
         ("slope", "f8"),
         ("slope_known", "f8"),
         ("slow_noise", LEARNT_NOISE),
@@ -179,19 +159,15 @@ same while that may have ended at once, and `stops_from` while it comes to rest.
 
 Samples. `taken`: the newest one that was taken; while newer ones leap from it, since `leapt_at`,
 they are `doubted`; `new_samples` disagree since the confidence in a fault grows. `leap`: the last
-one, `leapt_ago` steps ago, counts for `leapt_for` more. `burst` (m^2/s^4): what single samples lie
-about their mean; `shaking`: their deviation just now, by the `newest` ones. `derivative_when_held`:
-the speed's derivative where it was nearest to what was felt when the newest value was first said
+one, `leapt_ago` steps ago, counts for `leapt_for` more. `derivative_when_held`: the speed's
+derivative where it was nearest to what was felt when the newest value was first said
 (`felt_when_held`).
 
-Against the host's speed. `jerk_then` and `own_jerk` (m/s^3): felt a moment ago, and now as far as a
-manoeuvre makes it; `lag_product` over `lag_square` is the lag in s, `best_product` over
-`best_square` the lag with what smoothing adds. `slope` is known as well as `slope_known` s of
-learning make it; `baseline`, made of `recent`, is what the difference was a moment ago.
-`gained` (m/s): what is felt to be gained since the car stood, NaN where its direction is known, or
-will not be before it stands again, `gained_since` the same beside what it felt as it stood: that
-is `at_rest` (m/s^2), made of `rested`. `reverses`: whether it moves backward, by a speed without a
-sign.
+Against the host's speed. `slope` is known as well as `slope_known` s of learning make it;
+`baseline`, made of `recent`, is what the difference was a moment ago. `gained` (m/s): what is felt
+to be gained since the car stood, NaN where its direction is known, or will not be before it stands
+again, `gained_since` the same beside what it felt as it stood: that is `at_rest` (m/s^2), made of
+`rested`. `reverses`: whether it moves backward, by a speed without a sign.
 
 Against the lead. `relative_now` is what observers say of two steps, `relative_slow` their mean,
 `relative` the last one that was no answer to a jump; nothing for `radar_gone` steps. `lead` is what
@@ -224,8 +200,7 @@ def start_acceleration(monitor, settings):
     start_noise(monitor.report_noise, max(0.25, settings.lead_report_std), 0.1, 1.0, learn, 2000)
     start_noise(monitor.jump_noise, 0.2, 0.05, 1.5, learn, 2000)
     start_jump(monitor.jump, learn)
-    monitor.lag_product, monitor.lag_square = 0.0, LAG_PRIOR
-    monitor.best_product, monitor.best_square = 0.0, LAG_PRIOR
+    start_lag(monitor.lag)
     monitor.ticks = monitor.outliers = 0
     restart_acceleration(monitor)
 
@@ -258,15 +233,13 @@ def restart_acceleration(monitor):
 def lose_samples(monitor):
     """None is new enough: what comes next may have little to do with those before."""
     monitor.taken, monitor.doubted = np.nan, False
-    monitor.filtered, monitor.burst = np.nan, 0.0
-    monitor.slow_filtered, monitor.leapt_for = np.nan, 0
-    monitor.leap, monitor.leapt_ago = 0.0, 0
-    monitor.jerk_then = monitor.own_jerk = 0.0
+    monitor.filtered = monitor.slow_filtered = np.nan
+    monitor.leap, monitor.leapt_for, monitor.leapt_ago = 0.0, 0, 0
+    forget_felt(monitor.lag)
     start_ring(monitor.before_jump, BEFORE_JUMP)
     start_ring(monitor.samples, SAMPLES)
-    start_ring(monitor.newest, NEWEST)
+    lose_shaking(monitor.shaking)
     monitor.rough_for = 0.0
-    monitor.shaken, monitor.shaking = False, 0.0
     monitor.lead = monitor.lead_slow = monitor.own_slow = np.nan
     start_ring(monitor.lead_recent, BASELINE_DELAY)
     start_ring(monitor.own_recent, BASELINE_DELAY)
@@ -307,25 +280,9 @@ def forget_baseline(monitor):
 
 
 @inner
-def follow_shaking(monitor, value):
-    """Take a new sample (m/s^2): the median of the steps between the newest ones tells of all of
-    them, but not of a jump among them."""
-    newest = monitor.newest
-    append(newest, value)
-    if newest.count < FEWEST:
-        monitor.shaking = STRONG
-        return
-    steps = np.empty(newest.count - 1)
-    for i in range(len(steps)):
-        steps[i] = abs(at(newest, i + 1) - at(newest, i))
-    monitor.shaking = np.median(steps)
-
-
-@inner
-def shaking_left(monitor, time):
-    """Deviation in m/s^2 of a mean of that many s, as far as the sensor is shaken; a seldom sample
-    counts for long."""
-    return monitor.shaking * sqrt(min(monitor.roughness.period / time, 1.0))
+def felt_jerk(monitor):
+    """The jerk that the accelerometer feels, in m/s^3."""
+    return jerk_between(monitor.filtered, monitor.slow_filtered)
 
 
 @inner
@@ -344,12 +301,6 @@ def leapt_lately(monitor):
 def follow_off(monitor, residual):
     """How far a faulty one is off (m/s^2), without its noise."""
     monitor.off += OFF_RATE * STEP_S * (residual - monitor.off)
-
-
-@inner
-def swings_over_bumps(monitor):
-    """Whether a bump swings the sensor so far that it looks like a jump while it lasts."""
-    return monitor.roughness.usual > SWINGING**2
 
 
 @inner

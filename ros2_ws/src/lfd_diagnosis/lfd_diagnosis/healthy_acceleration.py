@@ -33,7 +33,7 @@ def expected_std(monitor, settings):
     noise = monitor.roughness.usual / SECOND_DIFFERENCES
     if is_measured(monitor.jump):
         # By now it is the road that shakes it.
-        noise = max(noise, monitor.burst)
+        noise = max(noise, monitor.shaking.burst)
     jumped = monitor.faulty and monitor.kind == Kind.OFFSET
     slope = 0.0 if jumped else monitor.slow_noise.variance
     return sqrt(slope + monitor.step_noise.variance + noise + drift + doubt**2)

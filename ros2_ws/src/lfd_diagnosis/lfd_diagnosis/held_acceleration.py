@@ -1,7 +1,7 @@
 """An accelerometer that repeats itself, and whether it had reason to change (robust profile)."""
 
 from lfd_diagnosis.acceleration_against_lead import is_nearing
-from lfd_diagnosis.acceleration_against_speed import allowance_of
+from lfd_diagnosis.acceleration_allowance import allowance_of
 from lfd_diagnosis.acceleration_direction import acceleration_by_speed
 from lfd_diagnosis.evidence import repeats
 from lfd_diagnosis.host_speed import is_believed, is_coarse, is_standing

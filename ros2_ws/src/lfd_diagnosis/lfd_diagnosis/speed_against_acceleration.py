@@ -7,11 +7,8 @@ that of wheels that slip.
 
 from math import isnan
 
-from lfd_diagnosis.acceleration_against_speed import (
-    GENTLE_SLOPE,
-    allowance_of,
-    difference,
-)
+from lfd_diagnosis.acceleration_against_speed import difference
+from lfd_diagnosis.acceleration_allowance import allowance_of
 from lfd_diagnosis.acceleration_direction import acceleration_by_speed, as_the_car_moves
 from lfd_diagnosis.acceleration_jump import (
     came_at_once,
@@ -22,6 +19,7 @@ from lfd_diagnosis.acceleration_jump import (
 )
 from lfd_diagnosis.acceleration_state import has_leapt, leapt_lately
 from lfd_diagnosis.evidence import Ground, is_gauged
+from lfd_diagnosis.faulty_acceleration import GENTLE_SLOPE
 from lfd_diagnosis.held_speed import (
     hides_by_rounding,
     may_miss_a_change,
@@ -72,11 +70,11 @@ def speed_may_be_wrong(monitor, settings):
     when_held = as_the_car_moves(monitor, monitor.speed.motion.derivative_when_held)
     then = monitor.filtered - when_held - monitor.check.reference
     agrees_with_then = abs(then) <= monitor.check.limit
-    return speed_seems_held(monitor.speed, agrees_with_then, lead_speaks_for(monitor))
+    return speed_seems_held(monitor.speed, agrees_with_then, _lead_speaks_for(monitor))
 
 
 @inner
-def lead_speaks_for(monitor):
+def _lead_speaks_for(monitor):
     """Whether the lead, as observers see it, is steadier if the accelerometer is right than if the
     speed is."""
     by_speed = acceleration_by_speed(monitor) + monitor.relative_slow
@@ -128,7 +126,7 @@ def is_told(monitor):
 @inner
 def seems_road(monitor, settings):
     """Whether it may be the road that changed the derivative, as far as the lead does not tell."""
-    return abs(monitor.check.residual) <= settings.steepest_road and not lead_speaks_for(monitor)
+    return abs(monitor.check.residual) <= settings.steepest_road and not _lead_speaks_for(monitor)
 
 
 @inner
