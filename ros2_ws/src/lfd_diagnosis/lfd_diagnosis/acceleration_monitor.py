@@ -9,7 +9,6 @@ from lfd_diagnosis.acceleration_against_lead import (
     follow_lead,
     is_resting,
     mean_of_swings,
-    newest_mean,
 )
 from lfd_diagnosis.acceleration_against_speed import against_speed
 from lfd_diagnosis.acceleration_direction import may_reverse
@@ -29,7 +28,6 @@ from lfd_diagnosis.faulty_acceleration import became_another, slope_after
 from lfd_diagnosis.held_acceleration import is_still_held, look_for_hold
 from lfd_diagnosis.held_speed import convict_held
 from lfd_diagnosis.host_speed import SLOW, is_road_calm, is_usable, may_be_right
-from lfd_diagnosis.ring import is_full
 from lfd_diagnosis.road_bend import is_unproven
 from lfd_diagnosis.road_slope import KNOWN_AFTER_SILENCE, STILL_KNOWN, lose_slope
 from lfd_diagnosis.roughness import ROUGH_TIME, ROUGH_TIME_ALONE, rough_share
@@ -42,6 +40,7 @@ from lfd_diagnosis.speed_against_acceleration import (
     seems_road,
     speed_may_be_wrong,
 )
+from lfd_diagnosis.unseen_end import is_unseen_end, take_for_slope
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
@@ -52,17 +51,6 @@ DISAGREES = 0.5
 SWING, MORE_THAN_A_BUMP = 25, 1.5
 """Steps for which a bump may swing a sensor's mounting to one side at most, and times its limit by
 which it is off if that need not be waited for."""
-
-END_HIDDEN, ENDS_BY, ENDS_BY_MOST = 3.0, 0.5, 1.5
-"""Seconds after the end of a fault in which a jump back may be its real end, as a road that bent
-made it seem over, and least and largest share of its size that this is off by."""
-
-FIRST_TIME, NEARER_LEVEL = 1.0, 0.5
-"""Seconds of learning in which a signal may have begun with something else, and share of that which
-it is off by then at most."""
-
-LEADS_TO_SLOPE = 0.6
-"""Share of a jump by which it may miss the slope that it leads back to."""
 
 SELDOM = 0.03
 """Seconds between two samples beyond which a speed tells nothing of a bad road."""
@@ -169,49 +157,12 @@ def _tell_whose(monitor, settings):
             convict_held(monitor.speed, monitor.speed.last)
             forgive_acceleration(monitor)
         return
-    ends = _ends_the_last(monitor, settings) or _leads_back(monitor, settings)
-    if ends or _began_wrongly(monitor):
-        _end_the_last(monitor)
+    if is_unseen_end(monitor, settings):
+        take_for_slope(monitor)
     elif settings.check_speed and is_the_speeds(monitor, settings):
         _take_for_the_speeds(monitor, settings)
     else:
         _convict(monitor, settings, check.kind, check.ground, check.residual, check.limit)
-
-
-@inner
-def _ends_the_last(monitor, settings):
-    """Whether what looks like a fault is the end of the one before, which seemed over too soon, as
-    one that a road may hide."""
-    size = monitor.ended_size
-    seen = monitor.check.ground == Ground.HOST_SPEED and is_full(monitor.samples)
-    hidden = monitor.ended_for <= END_HIDDEN and abs(size) <= settings.steepest_road
-    if not (seen and hidden):
-        return False
-    back = -_newest_residual(monitor)
-    # Without dividing: what ended may have been of no size at all.
-    return ENDS_BY * size * size < back * size < ENDS_BY_MOST * size * size
-
-
-@inner
-def _leads_back(monitor, settings):
-    """Whether what looks like a fault leads back to the slope, from where a fault that was too
-    small to be found may have put it, or a road that bent."""
-    check = monitor.check
-    jumped = check.ground == Ground.HOST_SPEED and check.kind == Kind.OFFSET
-    if not (jumped and is_full(monitor.samples)):
-        return False
-    step, beside = _newest_residual(monitor), check.reference - monitor.slope
-    hidden = beside * step < 0.0 and abs(step) <= settings.steepest_road
-    return hidden and abs(beside + step) < LEADS_TO_SLOPE * abs(step)
-
-
-@inner
-def _began_wrongly(monitor):
-    """Whether what looks like a fault is what the very first samples were off by, as a signal may
-    be that someone has smoothed: by now it is nearer to level ground."""
-    check = monitor.check
-    first = check.ground == Ground.HOST_SPEED and monitor.slope_known < FIRST_TIME
-    return first and abs(check.reference + check.residual) < NEARER_LEVEL * abs(check.reference)
 
 
 @inner
@@ -220,25 +171,10 @@ def _take_for_the_speeds(monitor, settings):
     if not is_told(monitor):
         return
     if seems_road(monitor, settings):
-        _end_the_last(monitor)
+        take_for_slope(monitor)
     else:
         blame_speed(monitor, settings)
         forgive_acceleration(monitor)
-
-
-@inner
-def _newest_residual(monitor):
-    """What the newest samples are off by, before the filter says so."""
-    return monitor.check.residual + newest_mean(monitor) - monitor.filtered
-
-
-@inner
-def _end_the_last(monitor):
-    """What is felt by now is the slope, which is in doubt."""
-    monitor.slope = monitor.check.reference + _newest_residual(monitor)
-    monitor.slope_known = min(monitor.slope_known, STILL_KNOWN)
-    monitor.ended_size = np.nan
-    forgive_acceleration(monitor)
 
 
 @inner
