@@ -35,7 +35,7 @@ from lfd_mpc.settings import settings_record
 
 def test_a_vague_prediction_tells_nothing_of_the_noise() -> None:
     noise = make_state(LEARNT_NOISE)[0]
-    start_noise(noise, 0.1, 0.01, 1.0, True, 400)
+    start_noise(noise, (0.1, 0.01, 1.0), True, 400)
     learn_noise(noise, 20.0, 31.0 * 0.1**2)
     assert deviation(noise) == pytest.approx(0.1)
     learn_noise(noise, 20.0, 29.0 * 0.1**2)
@@ -44,8 +44,8 @@ def test_a_vague_prediction_tells_nothing_of_the_noise() -> None:
 
 def test_noise_is_learnt_from_a_first_value_within_limits() -> None:
     noise, fixed = make_state(LEARNT_NOISE)[0], make_state(LEARNT_NOISE)[0]
-    start_noise(noise, 0.15, 0.03, 1.5, True, 400)
-    start_noise(fixed, 0.15, 0.03, 1.5, False, 400)
+    start_noise(noise, (0.15, 0.03, 1.5), True, 400)
+    start_noise(fixed, (0.15, 0.03, 1.5), False, 400)
     random = Random(3)
     for value in [random.gauss(0.0, 0.05) for _ in range(3000)]:
         learn_noise(noise, value, 0.0)

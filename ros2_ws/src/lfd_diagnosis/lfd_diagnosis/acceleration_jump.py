@@ -15,9 +15,12 @@ share of the shorter ones' variance is left."""
 LEAST_BEFORE = 20
 """Steps before a jump that it takes to see one."""
 
-LOOKED_AT, LEARNT_OVER = 160, 100
-"""Steps that are looked at for a jump, and samples that the noise is learnt over: some roads are
-worse than others."""
+LOOKED_AT = 160
+"""Steps that are looked at for a jump."""
+
+NOISE, NOISE_MEMORY = (0.12, 0.03, 1.0), 100
+"""What two means differ by though nothing jumped: deviations in m/s^2 at first, at least, and at
+most; and samples that they are learnt from, few, since some roads are worse than others."""
 
 AROUND, NEAR, AT_ONCE_SHARE = 10, 3, 0.6
 """Steps that are averaged to tell whether a change came at once, steps around where the values
@@ -52,7 +55,7 @@ of the `window`, the mean `before`, and `total` and `steps` since."""
 def start_jump(jump, learn):
     """Begin with nothing."""
     for noise in jump.noise:
-        start_noise(noise, 0.12, 0.03, 1.0, learn, LEARNT_OVER)
+        start_noise(noise, NOISE, learn, NOISE_MEMORY)
     restart_jump(jump)
 
 

@@ -34,6 +34,23 @@ LEVEL_ROAD = 0.6
 NOISELESS = 0.025
 """Second differences in m/s^2 that an accelerometer without noise hardly exceeds."""
 
+ROUGH_WINDOW = 64
+"""Samples of which it is counted how many are rough."""
+
+EQUAL_LEAST = 8
+"""Equal samples in a row that are never suspect."""
+
+STEP_NOISE, SLOW_NOISE = (0.15, 0.03, 1.0), (0.2, 0.05, 1.0)
+"""What accelerometer and speed differ by otherwise than a moment ago, and otherwise than the slope:
+deviations in m/s^2 at first, at least, and at most."""
+
+REPORT_NOISE, JUMP_NOISE = (0.25, 0.1, 1.0), (0.2, 0.05, 1.5)
+"""The same of what the lead's acceleration as seen differs by from its word, unless the parameters
+say more at first; and of what the mean of the newest samples differs by from that just before."""
+
+NOISE_MEMORY = 2000
+"""Samples that these deviations are learnt from."""
+
 LEARNT_EVERY = 10
 """Steps of which one is learnt from: those between them are filtered, and say much the same."""
 
@@ -192,13 +209,15 @@ def start_acceleration(monitor, settings):
     """Begin with nothing."""
     learn = settings.learn_noise
     start_speed(monitor.speed, learn)
-    start_roughness(monitor.roughness, 64, NOISELESS)
-    start_repetition(monitor.repetition, 8)
+    start_roughness(monitor.roughness, ROUGH_WINDOW, NOISELESS)
+    start_repetition(monitor.repetition, EQUAL_LEAST)
     monitor.derivative_when_held = monitor.felt_when_held = np.nan
-    start_noise(monitor.step_noise, 0.15, 0.03, 1.0, learn, 2000)
-    start_noise(monitor.slow_noise, 0.2, 0.05, 1.0, learn, 2000)
-    start_noise(monitor.report_noise, max(0.25, settings.lead_report_std), 0.1, 1.0, learn, 2000)
-    start_noise(monitor.jump_noise, 0.2, 0.05, 1.5, learn, 2000)
+    start_noise(monitor.step_noise, STEP_NOISE, learn, NOISE_MEMORY)
+    start_noise(monitor.slow_noise, SLOW_NOISE, learn, NOISE_MEMORY)
+    said = max(REPORT_NOISE[0], settings.lead_report_std)
+    report = (said, REPORT_NOISE[1], REPORT_NOISE[2])
+    start_noise(monitor.report_noise, report, learn, NOISE_MEMORY)
+    start_noise(monitor.jump_noise, JUMP_NOISE, learn, NOISE_MEMORY)
     start_jump(monitor.jump, learn)
     start_lag(monitor.lag)
     monitor.ticks = monitor.outliers = 0

@@ -18,12 +18,12 @@ STANDING = 0.3
 SLOW = 2.0
 """m/s below which a wheel turns so quietly that it tells nothing of a shaken car."""
 
-NOISE, LEAST_NOISE, MOST_NOISE, NOISE_MEMORY = 0.03, 0.003, 1.0, 400
-"""Deviations in m/s of what a healthy speed jumps by from sample to sample: until more is known,
-at least, and at most; and samples that it is learnt over."""
+NOISE, NOISE_MEMORY = (0.03, 0.003, 1.0), 400
+"""What a healthy speed jumps by from sample to sample: deviations in m/s at first, at least, and at
+most; and samples that they are learnt from."""
 
 ROUGH_WINDOW = 32
-"""Samples of which the share is taken that are rough."""
+"""Samples of which it is counted how many are rough."""
 
 NOISELESS = 0.0105
 """Second differences in m/s that a speed without noise hardly exceeds."""
@@ -115,7 +115,7 @@ drifted by; nothing was wrong with it for `quiet` s.
 @inner
 def start_speed(speed, learn):
     """Begin with nothing."""
-    start_noise(speed.noise, NOISE, LEAST_NOISE, MOST_NOISE, learn, NOISE_MEMORY)
+    start_noise(speed.noise, NOISE, learn, NOISE_MEMORY)
     start_roughness(speed.roughness, ROUGH_WINDOW, NOISELESS)
     start_repetition(speed.held.repetition, EQUAL_MOST)
     speed.doubt.outliers, speed.held.refresh = 0, 0.0

@@ -38,8 +38,11 @@ is made of the last `memory` or so of `count` samples, if it is to `learn`, else
 
 
 @inner
-def start_noise(noise, first, lowest, highest, learn, memory):
-    """Begin with deviations in the signal's unit; without `learn` the first one stays."""
+def start_noise(noise, deviations, learn, memory):
+    """Begin with three `deviations` in the signal's unit: that of the first samples, and the lowest
+    and the highest one that is learnt, from so many samples (`memory`); without `learn` the first
+    one stays."""
+    first, lowest, highest = deviations
     noise.variance = first * first
     noise.lowest, noise.highest = lowest * lowest, highest * highest
     noise.memory, noise.learn = memory, learn

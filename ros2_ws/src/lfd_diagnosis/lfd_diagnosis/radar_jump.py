@@ -37,7 +37,7 @@ these: a line drawn through many may be drawn wrong."""
 TOLERANCE, MOST_DOUBT = 0.3, 0.6
 """Share of a jump by which the jump back may differ from it, and share that noise may be of it."""
 
-AT_ONCE = 0.5
+UNDONE_AT_ONCE = 0.5
 """Share of a jump that must be undone from one scan to the next if it is to be undone at once."""
 
 GRADUAL = 0.9
@@ -131,7 +131,7 @@ def look_for_return(signal, said, repeated):
     largest = 0.0
     for i in range(recent.count - before - after + 1, recent.count):
         largest = max(largest, abs(at(recent, i) - at(recent, i - 1)))
-    signal.at_once = largest > AT_ONCE * abs(offset)
+    signal.at_once = largest > UNDONE_AT_ONCE * abs(offset)
     # What was undone is what it must be told from now.
     signal.estimate = signal.size = offset
     forget_recent(signal)
@@ -155,7 +155,7 @@ def move_reference(signal, by):
 def follow_step(signal, period, step):
     """Take note of a scan, `period` s after the one before: whether it steps by enough to undo the
     jump at once, and that way. `step`: from that scan to this one, beyond the lead's own motion."""
-    if abs(step) > AT_ONCE * largest_jump(signal):
+    if abs(step) > UNDONE_AT_ONCE * largest_jump(signal):
         signal.at_once = True
         back = step * signal.size < 0.0
         signal.jumped_back_at = signal.last_at + period if back else np.nan

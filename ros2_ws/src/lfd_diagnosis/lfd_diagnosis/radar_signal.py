@@ -17,6 +17,15 @@ FIRST = 10
 RECENT = 28
 """Newest residuals of a faulty signal that are kept, to see whether the last of them jumped."""
 
+NOISE_MEMORY, MOST_NOISE = 400, 10.0
+"""Scans that the noise is learnt from, and how many times larger than at first it may get."""
+
+ROUGH_WINDOW = 16
+"""Scans of which it is counted how many are rough."""
+
+EQUAL_LEAST = 8
+"""Equal scans in a row that are never suspect."""
+
 RADAR_SIGNAL = np.dtype(
     [
         # What is usual of it while it is healthy.
@@ -107,10 +116,11 @@ nobody saw end: the signal is believed since `ended_at`.
 
 @inner
 def start_signal(signal, floor, std, lowest, noiseless, learn):
-    """Begin with the noise of the parameter file (in the signal's unit) and nothing else."""
+    """Begin with the noise of the parameter file, a deviation `std` that is `lowest` at least, and
+    limits that are `floor` at least, in the signal's unit; `noiseless` as in `start_roughness`."""
     signal.floor, signal.roughness.noiseless = floor, noiseless
     first = max(std, lowest)
-    start_noise(signal.noise, first, lowest, 10.0 * first, learn, 400)
+    start_noise(signal.noise, (first, lowest, MOST_NOISE * first), learn, NOISE_MEMORY)
     forget_usual(signal)
     signal.leaning = signal.roughest = 0.0
     signal.swung = signal.swings = 0.0
@@ -129,8 +139,8 @@ def start_signal(signal, floor, std, lowest, noiseless, learn):
 @inner
 def forget_usual(signal):
     """Nothing is known of how rough it is, and of how often it says the same by chance."""
-    start_roughness(signal.roughness, 16, signal.roughness.noiseless)
-    start_repetition(signal.repetition, 8)
+    start_roughness(signal.roughness, ROUGH_WINDOW, signal.roughness.noiseless)
+    start_repetition(signal.repetition, EQUAL_LEAST)
 
 
 @inner

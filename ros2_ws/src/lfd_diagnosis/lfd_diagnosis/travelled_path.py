@@ -54,6 +54,10 @@ SIGMA = 5.0
 POINTS = 4096
 """Scans of a path that are kept at most."""
 
+NOISE, NOISE_MEMORY = (0.15, 0.02, 2.0), 2000
+"""How far a healthy clearance leaves the path within a window: deviations in m at first, at least,
+and at most; and scans that they are learnt from."""
+
 TRAVELLED_PATH = np.dtype(
     [
         ("noise", LEARNT_NOISE),
@@ -84,7 +88,7 @@ by how much the velocity is later than the clearance.
 @inner
 def start_path(path, learn):
     """Begin with nothing."""
-    start_noise(path.noise, 0.15, 0.02, 2.0, learn, 2000)
+    start_noise(path.noise, NOISE, learn, NOISE_MEMORY)
     start_lag(path.lag)
     clear_path(path)
 

@@ -26,7 +26,7 @@ relative velocity."""
 ONE_SCAN = 0.5
 """Scans by which the time between two stamps may waver."""
 
-WEIGHED, WEIGHS, AT_ONCE = 0.5, 5.0, 0.5
+WEIGHED, WEIGHS, OFF_AT_ONCE = 0.5, 5.0, 0.5
 """Seconds in which the clearance tells whether a relative velocity catches up, deviations that this
 must come to, and share of its limit by which it must be off as soon as it says something new."""
 
@@ -134,7 +134,7 @@ def _may_catch_up(radar):
     itself."""
     velocity, jump = radar.velocity, radar.catching.jump
     lasts = radar.measured_velocity.at - radar.catching.since
-    at_once = jump * velocity.residual > 0.0 and abs(jump) >= AT_ONCE * velocity.limit
+    at_once = jump * velocity.residual > 0.0 and abs(jump) >= OFF_AT_ONCE * velocity.limit
     return lasts <= WEIGHED and at_once
 
 
