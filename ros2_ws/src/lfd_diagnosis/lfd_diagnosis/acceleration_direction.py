@@ -47,7 +47,7 @@ car may have driven off before its speed says so."""
 @inner
 def as_the_car_moves(monitor, by_speed):
     """What a speed without a sign says of an acceleration or a jerk, or is to be told of one."""
-    return -by_speed if monitor.reverses else by_speed
+    return -by_speed if monitor.direction.reverses else by_speed
 
 
 @inner
@@ -65,57 +65,58 @@ def jerk_by_speed(monitor):
 @inner
 def _turn(monitor, reverses):
     """The car moves that way: what was seen of its accelerations meanwhile tells nothing."""
-    if reverses != monitor.reverses:
-        monitor.reverses = reverses
+    if reverses != monitor.direction.reverses:
+        monitor.direction.reverses = reverses
         forget_differences(monitor)
 
 
 @inner
 def follow_direction(monitor):
     """Which way the car drives off after it stood."""
-    speed = monitor.speed
+    speed, direction = monitor.speed, monitor.direction
     heard = is_believed(speed)
     forward = heard and abs(speed.last) > FASTEST_BACK
     if forward:
         _turn(monitor, False)
     if forward or isnan(monitor.filtered) or monitor.faulty:
-        monitor.gained = monitor.gained_since = np.nan
+        direction.gained = direction.gained_since = np.nan
     if heard and seems_to_stand(speed):
         _stand(monitor)
-    elif not isnan(monitor.gained):
+    elif not isnan(direction.gained):
         # It goes on while nothing is heard of the speed for a moment.
-        felt, gained = monitor.filtered - monitor.at_rest, abs(monitor.gained)
-        monitor.gained += STEP_S * (monitor.filtered - monitor.slope)
-        monitor.gained_since += STEP_S * felt
+        felt, gained = monitor.filtered - direction.at_rest, abs(direction.gained)
+        direction.gained += STEP_S * (monitor.filtered - monitor.slope)
+        direction.gained_since += STEP_S * felt
         # The slope of a car that stood may be an old one: all must say the same.
-        alike = monitor.gained * monitor.gained_since > 0.0 and monitor.gained * felt > 0.0
+        alike = direction.gained * direction.gained_since > 0.0 and direction.gained * felt > 0.0
         drives_off = heard and speed.motion.derivative * speed.last > 0.0
         told = drives_off and alike and gained > max(TELLING, TELLING_SHARE * abs(speed.last))
         if told:
-            _turn(monitor, monitor.gained * speed.last < 0.0)
+            _turn(monitor, direction.gained * speed.last < 0.0)
         if told or gained > FASTEST_BACK:
-            monitor.gained = np.nan
+            direction.gained = np.nan
 
 
 @inner
 def _stand(monitor):
     """The car seems to stand: it feels the slope, and may be about to drive off."""
+    direction = monitor.direction
     settled = abs(monitor.speed.motion.derivative) < SETTLED
     if settled:
         # From here on it may go either way.
-        monitor.reverses = False
+        direction.reverses = False
     if isnan(monitor.filtered) or monitor.faulty:
         return
-    if isnan(monitor.gained):
-        monitor.gained, monitor.gained_since, monitor.at_rest = 0.0, 0.0, monitor.filtered
-        start_ring(monitor.rested, RESTED)
+    if isnan(direction.gained):
+        direction.gained, direction.gained_since, direction.at_rest = 0.0, 0.0, monitor.filtered
+        start_ring(direction.rested, RESTED)
     share = STEP_S / FADES
-    monitor.gained += STEP_S * (monitor.filtered - monitor.slope) - share * monitor.gained
-    monitor.gained_since *= 1.0 - share
-    monitor.gained_since += STEP_S * (monitor.filtered - monitor.at_rest)
+    direction.gained += STEP_S * (monitor.filtered - monitor.slope) - share * direction.gained
+    direction.gained_since *= 1.0 - share
+    direction.gained_since += STEP_S * (monitor.filtered - direction.at_rest)
     if settled and abs(monitor.speed.last) < AT_REST and monitor.ticks % RESTED_EVERY == 0:
-        append(monitor.rested, monitor.filtered)
-        monitor.at_rest += RESTED_SHARE * (at(monitor.rested, 0) - monitor.at_rest)
+        append(direction.rested, monitor.filtered)
+        direction.at_rest += RESTED_SHARE * (at(direction.rested, 0) - direction.at_rest)
 
 
 @inner
@@ -130,10 +131,10 @@ def follow_reversing(monitor):
     """A car that only fits if it drives forward does, or that feels so beside what it felt at
     rest."""
     derivative = monitor.speed.motion.derivative
-    felt = (monitor.filtered - monitor.at_rest) * (1.0 if derivative > 0.0 else -1.0)
+    felt = (monitor.filtered - monitor.direction.at_rest) * (1.0 if derivative > 0.0 else -1.0)
     as_forward = abs(derivative) > TOLD_BY and felt > FITS * abs(derivative)
     fits = abs(_off_the_other_way(monitor)) <= FITS * abs(monitor.check.residual)
-    if monitor.reverses and (as_forward or (fits and is_exceeded(monitor.check))):
+    if monitor.direction.reverses and (as_forward or (fits and is_exceeded(monitor.check))):
         _turn(monitor, False)
 
 
@@ -142,4 +143,4 @@ def may_reverse(monitor):
     """Whether what disagrees with the speed may be a car that just drives off, the other way."""
     by_speed = monitor.check.ground == Ground.HOST_SPEED and is_exceeded(monitor.check)
     fits = abs(_off_the_other_way(monitor)) <= monitor.check.limit
-    return not isnan(monitor.gained) and by_speed and fits
+    return not isnan(monitor.direction.gained) and by_speed and fits

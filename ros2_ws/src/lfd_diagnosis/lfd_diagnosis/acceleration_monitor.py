@@ -1,4 +1,4 @@
-"""The host's accelerometer, judged (robust profile)."""
+"""Whether the host's accelerometer is faulty, by all evidence, and when it is right again."""
 
 from math import isfinite, isnan
 
@@ -188,6 +188,7 @@ def _judge_nothing(monitor, worth):
 
 @inner
 def _seems_rough(monitor, usable):
+    """Whether it has been rough for long enough: for longer where no speed tells a bad road."""
     speed = monitor.speed
     if not usable or abs(speed.last) < SLOW or speed.roughness.period > SELDOM:
         return monitor.rough_for >= ROUGH_TIME_ALONE
@@ -239,6 +240,7 @@ def _take_for_drift(monitor):
 
 @inner
 def _convict(monitor, settings, kind, ground, first, second):
+    """Faulty from now on, on that ground with its figures."""
     monitor.faulty, monitor.kind = True, kind
     give_ground(monitor.because, ground, first, second, 0.0)
     monitor.confidence, monitor.agreeing = settings.confidence_max, 0.0
@@ -261,6 +263,7 @@ def _convict(monitor, settings, kind, ground, first, second):
 
 @inner
 def _requalify(monitor, settings, disagrees):
+    """A fault is over after a while of agreement; what is felt by then tells the slope."""
     if disagrees:
         monitor.agreeing = 0.0
         return

@@ -69,6 +69,23 @@ LATELY = 60
 MOST_POSSIBLE = 30.0
 """m/s^2 that no car does: what says so tells nothing of the car."""
 
+DIRECTION = np.dtype(
+    [
+        ("reverses", "?"),
+        ("gained", "f8"),
+        ("gained_since", "f8"),
+        ("rested", RING),
+        ("at_rest", "f8"),
+    ],
+    align=True,
+)
+"""Which way the car moves, as its speed has no sign: whether it `reverses`.
+
+`gained` (m/s): what is felt to be gained since the car stood, NaN where its direction is known, or
+will not be before it stands again; `gained_since` is the same beside what it felt as it stood: that
+is `at_rest` (m/s^2), made of `rested`.
+"""
+
 ACCELERATION = np.dtype(
     [
         ("acceleration", "f8"),
@@ -99,11 +116,7 @@ ACCELERATION = np.dtype(
         # What they are held against: the host's speed.
         ("speed", HOST_SPEED),
         ("lead_rests_for", "f8"),
-        ("gained", "f8"),
-        ("gained_since", "f8"),
-        ("rested", RING),
-        ("at_rest", "f8"),
-        ("reverses", "?"),
+        ("direction", DIRECTION),
         ("lag", SPEED_LAG),
         ("slope", "f8"),
         ("slope_known", "f8"),
@@ -181,10 +194,7 @@ derivative where it was nearest to what was felt when the newest value was first
 (`felt_when_held`).
 
 Against the host's speed. `slope` is known as well as `slope_known` s of learning make it;
-`baseline`, made of `recent`, is what the difference was a moment ago. `gained` (m/s): what is felt
-to be gained since the car stood, NaN where its direction is known, or will not be before it stands
-again, `gained_since` the same beside what it felt as it stood: that is `at_rest` (m/s^2), made of
-`rested`. `reverses`: whether it moves backward, by a speed without a sign.
+`baseline`, made of `recent`, is what the difference was a moment ago.
 
 Against the lead. `relative_now` is what observers say of two steps, `relative_slow` their mean,
 `relative` the last one that was no answer to a jump; nothing for `radar_gone` steps. `lead` is what
@@ -237,8 +247,9 @@ def restart_acceleration(monitor):
     monitor.last_at, monitor.fresh, monitor.new_samples = -np.inf, False, 0
     lose_samples(monitor)
     monitor.lead_rests_for = monitor.silent_for = 0.0
-    monitor.gained, monitor.reverses = np.nan, False
-    monitor.gained_since = monitor.at_rest = np.nan
+    direction = monitor.direction
+    direction.reverses = False
+    direction.gained = direction.gained_since = direction.at_rest = np.nan
     monitor.relative_then = monitor.relative_now = monitor.relative_slow = 0.0
     monitor.before = monitor.relative_before = 0.0
     monitor.relative, monitor.radar_gone = 0.0, RADAR_GONE

@@ -72,7 +72,7 @@ def lose_slope(monitor, worth):
 def follow_road(monitor, settings, off):
     """Follow a road that bends: its slope is another one from there on."""
     bend, speed = monitor.bend, monitor.speed
-    told = tells_of_bends(speed, settings) and not (monitor.leapt_for or monitor.reverses)
+    told = tells_of_bends(speed, settings) and not (monitor.leapt_for or monitor.direction.reverses)
     steepest = settings.steepest_road if told else 0.0
     if not is_unproven(bend):
         bend.slope_before = monitor.slope

@@ -1,4 +1,4 @@
-"""The host's speed against its accelerometer: whose is a change of their difference.
+"""Which one is wrong where host speed and accelerometer come apart, if it is not the road.
 
 A fault of the accelerometer changes what that says. Where the derivative of the speed alone
 changes, it is a road that bends while the car is driven on as before, or a speed that drifts, as
@@ -40,8 +40,9 @@ from lfd_mpc.compiled import inner
 from lfd_mpc.settings import STEP_S
 
 AGAINST_IT, NONE_OF_IT = -1.5, 0.4
-"""Shares of a change from and to which the accelerometer surely made none of it: wheels slip as the
-car brakes or speeds up, which is felt as well; where the road bends it is not."""
+"""Least and largest share that the accelerometer may have made of a change that is the speed's:
+wheels slip as the car brakes or speeds up, which is felt, too, the other way. Where the road may
+have bent, the least is as near to zero as the largest: nothing of the kind is felt."""
 
 SETTLED = 40
 """Steps after which the derivative has followed what changed."""
@@ -84,8 +85,8 @@ def _lead_speaks_for(monitor):
 
 @inner
 def _repeats_as_it_is_felt(monitor):
-    """Whether the speed says the same while what is felt changes lately, but little by little: so a
-    car brakes, where a sensor jumps, or drifts for longer."""
+    """Whether the speed says the same while what is felt changed just now, and little by little, as
+    a car brakes: an accelerometer's fault jumps, or drifts for longer."""
     off = monitor.check.residual
     by_and_by = came_lately(monitor.jump, off) and not came_at_once(monitor.jump, off)
     return may_miss_a_change(monitor.speed) and by_and_by
@@ -118,14 +119,15 @@ def is_the_speeds(monitor, settings):
 
 @inner
 def is_told(monitor):
-    """Whether by how much the speed's derivative changed is known by now; not while it says the
-    same, as one does that is held."""
+    """Whether the speed's derivative has followed the change by now, so that its size is known; not
+    while the speed says the same, as one that is held."""
     return steps_since(monitor.jump) >= SETTLED and not monitor.speed.held.same
 
 
 @inner
 def seems_road(monitor, settings):
-    """Whether it may be the road that changed the derivative, as far as the lead does not tell."""
+    """Whether it may be the road that changed the derivative: no road changes by more, and the lead
+    does not say that it was the speed."""
     return abs(monitor.check.residual) <= settings.steepest_road and not _lead_speaks_for(monitor)
 
 
@@ -141,8 +143,8 @@ def blame_speed(monitor, settings):
 
 @inner
 def hold_speed(monitor, settings):
-    """A faulty speed that may be right by now: whether it agrees with the accelerometer, or it is
-    the road that does not, after all."""
+    """Hold a faulty speed, which may be right by now, against the accelerometer. What still differs
+    after a long time by no more than a road makes is the road, and the speed is right."""
     speed = monitor.speed
     if monitor.faulty or isnan(monitor.filtered) or not has_settled(speed.motion, settings):
         return
