@@ -177,6 +177,28 @@ def test_a_seldom_speed_that_is_held_as_the_car_brakes_blames_no_accelerometer(
     assert found[0].stamp * 1e-9 < brakes + 1.2
 
 
+@pytest.mark.parametrize("name", ["braking", "stop-and-go", "cut-in"])
+@pytest.mark.parametrize("period", [0.5, 1.0])
+def test_a_speed_that_is_told_once_a_second_is_no_evidence(name: str, period: float) -> None:
+    """As satellite positioning tells it: what it says is over by then, and is held against
+    nothing."""
+    samples = thinned(drive(name), HOST_SPEED, period)
+    assert faults(samples) == []
+    *_, last = outcomes_of(samples)
+    assert last.report.host_speed.state == State.NOT_READY
+    assert f"a sample every {period:.1f} s only" in last.report.host_speed.reason
+    wrong = FaultInjector(parse_faults(["offset:acceleration=4@24-27"]), 0, 1).apply(samples)
+    assert {event.signal for event in faults(wrong)} == {"acceleration"}
+
+
+def test_a_speed_that_is_heard_often_again_is_evidence_again() -> None:
+    samples = drive("hill")
+    seldom = thinned([s for s in samples if s.stamp < 20e9], HOST_SPEED, 1.0)
+    outcome = outcomes_of([*seldom, *(s for s in samples if s.stamp >= 20e9)])
+    assert outcome[1900].report.host_speed.state == State.NOT_READY
+    assert outcome[2300].report.host_speed.state == State.OK
+
+
 @pytest.mark.parametrize(("lateness", "step"), [(0.05, 0.01), (0.1, 0.2778)])
 def test_a_speed_that_comes_seldom_and_late_is_healthy(lateness: float, step: float) -> None:
     samples = thinned(drive("braking"), HOST_SPEED, 0.1)

@@ -9,6 +9,7 @@ from lfd_diagnosis.noise import LEARNT_NOISE, deviation, start_noise
 from lfd_diagnosis.repetition import REPETITION, restart_repetition, start_repetition
 from lfd_diagnosis.roughness import ROUGHNESS, empty_roughness, resolution_of, start_roughness
 from lfd_diagnosis.speed_derivative import SPEED_MOTION, has_settled, lose_motion
+from lfd_diagnosis.speed_spacing import SPACING, lose_spacing, start_spacing
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 
@@ -81,6 +82,7 @@ HOST_SPEED = np.dtype(
         ("noise", LEARNT_NOISE),
         ("roughness", ROUGHNESS),
         # Its newest sample, and those just before.
+        ("spacing", SPACING),
         ("seen_at", "f8"),
         ("last", "f8"),
         ("last_at", "f8"),
@@ -118,6 +120,7 @@ def start_speed(speed, learn):
     start_noise(speed.noise, NOISE, learn, NOISE_MEMORY)
     start_roughness(speed.roughness, ROUGH_WINDOW, NOISELESS)
     start_repetition(speed.held.repetition, EQUAL_MOST)
+    start_spacing(speed.spacing)
     speed.doubt.outliers, speed.held.refresh = 0, 0.0
     restart_speed(speed)
 
@@ -144,6 +147,13 @@ def believe_again(speed):
 @inner
 def lose_speed(speed):
     """No sample, or none that is new enough."""
+    lose_spacing(speed.spacing)
+    forget_samples(speed)
+
+
+@inner
+def forget_samples(speed):
+    """Those until now tell nothing."""
     speed.last, speed.last_at = np.nan, -np.inf
     speed.seen_at, speed.held.changed_at = -np.inf, -np.inf
     speed.doubt.jump, speed.doubt.since = np.nan, -np.inf

@@ -206,6 +206,8 @@ def _host_speed(settings: DiagnosisSettings, verdict: Any, evidence: Any) -> str
         kind = KIND_WORDS[verdict.kind]
         return f"{kind} by {_words(evidence.speed_because)}; not used as evidence"
     if verdict.state == State.NOT_READY:
+        if not isnan(evidence.speed_every):
+            return f"a sample every {evidence.speed_every:.1f} s only: too late to be evidence"
         return "its derivative is settling"
     sample = f"sample {age * 1000:.0f} ms old{_rejected(evidence.speed_outliers)}"
     if verdict.state == State.SUSPECT:

@@ -36,6 +36,7 @@ from lfd_diagnosis.radar_state import (
     start_target,
 )
 from lfd_diagnosis.report_book import BOOK, enter_outcome
+from lfd_diagnosis.speed_spacing import is_too_seldom
 from lfd_diagnosis.verdict import EVIDENCE, Kind, State, outcome_kind
 from lfd_mpc.compiled import entry, inner
 from lfd_mpc.settings import STEP_NS
@@ -88,6 +89,7 @@ ROBUST_EVIDENCE = np.dtype(
         ("speed_doubt", "f8"),
         ("speed_outliers", "i8"),
         ("derivative", "f8"),
+        ("speed_every", "f8"),
         ("host_speed_age", "f8"),
         ("lead_because", BECAUSE),
         ("lead_faulty", "?"),
@@ -336,6 +338,7 @@ def _judge_host_speed(state, settings, horizon, outcome):
     evidence.speed_faulty = speed.faulty and settings.use_host_speed
     evidence.speed_doubt, evidence.speed_outliers = speed.doubt.jump, speed.doubt.outliers
     evidence.derivative, evidence.host_speed_age = speed.motion.derivative, horizon.host_speed_age
+    evidence.speed_every = speed.spacing.period if is_too_seldom(speed.spacing) else np.nan
 
 
 @inner

@@ -50,6 +50,10 @@ SETTLED = 40
 LEAD_RESTED = 2.0
 """Seconds for which a lead must have been at rest before a car that seems to stand surely does."""
 
+REPEATS_FOR = 0.25
+"""Seconds for which a speed must have said the same to be held: a coarse one may come in a table
+that says everything again, and not tell so."""
+
 STILL = 0.5
 """Share of the rate by which a speed drifted first that shows that it still does."""
 
@@ -98,6 +102,7 @@ def is_held(monitor, settings):
     as no road makes."""
     beyond_roads = abs(monitor.check.residual) > settings.steepest_road
     missing = settings.check_repetition and misses_a_change(monitor.speed)
+    missing = missing and monitor.speed.held.same_for > REPEATS_FOR
     return missing and beyond_roads and _repeats_as_it_is_felt(monitor)
 
 

@@ -17,6 +17,7 @@ from lfd_diagnosis.host_speed import (
     believe_again,
     convict,
     felt_for,
+    forget_samples,
     may_be_right,
     seems_to_stand,
 )
@@ -31,6 +32,7 @@ from lfd_diagnosis.roughness import (
 from lfd_diagnosis.sample import is_new
 from lfd_diagnosis.speed_derivative import follow_motion, stop_following
 from lfd_diagnosis.speed_jump import doubt_jump, follow_jumps
+from lfd_diagnosis.speed_spacing import follow_spacing, is_too_seldom
 from lfd_diagnosis.verdict import Kind
 from lfd_mpc.compiled import inner
 
@@ -45,6 +47,13 @@ def follow_speed(speed, settings, now, at, value, acceleration, shaken):
     `shaken`: the accelerometer feels a bad road.
     """
     speed.calm_for += 1
+    if is_new(at, speed.spacing.heard_at):
+        follow_spacing(speed.spacing, at)
+        if is_too_seldom(speed.spacing):
+            believe_again(speed)
+            forget_samples(speed)
+    if is_too_seldom(speed.spacing):
+        return
     if is_new(at, speed.seen_at):
         again = says_again(speed, at, value)
         speed.seen_at = at
