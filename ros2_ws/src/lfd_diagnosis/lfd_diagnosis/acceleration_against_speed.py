@@ -48,7 +48,7 @@ of a jump by which they must have; the same where bumps swing the sensor."""
 @inner
 def against_speed(monitor, settings):
     """Make the step's check by the derivative of the host's speed, and learn from a healthy one."""
-    off = difference(monitor, settings)
+    off = monitor.difference = difference(monitor, settings)
     if monitor.faulty:
         if repeats(monitor.kind):
             doubt_slope(monitor, STILL_KNOWN)

@@ -122,6 +122,7 @@ ACCELERATION = np.dtype(
         ("slope_known", "f8"),
         ("slow_noise", LEARNT_NOISE),
         ("baseline", "f8"),
+        ("difference", "f8"),
         ("recent", RING),
         ("bend", ROAD_BEND),
         ("step_noise", LEARNT_NOISE),
@@ -194,7 +195,8 @@ derivative where it was nearest to what was felt when the newest value was first
 (`felt_when_held`).
 
 Against the host's speed. `slope` is known as well as `slope_known` s of learning make it;
-`baseline`, made of `recent`, is what the difference was a moment ago.
+`difference` is what is felt beside what the speed tells; `baseline`, made of `recent`, is what
+that was a moment ago.
 
 Against the lead. `relative_now` is what observers say of two steps, `relative_slow` their mean,
 `relative` the last one that was no answer to a jump; nothing for `radar_gone` steps. `lead` is what

@@ -63,19 +63,26 @@ def _began_wrongly(monitor):
     smoothed: by now it is nearer to level ground."""
     check = monitor.check
     first = check.ground == Ground.HOST_SPEED and monitor.slope_known < FIRST_TIME
-    return first and abs(check.reference + check.residual) < NEARER_LEVEL * abs(check.reference)
+    return first and abs(monitor.difference) < NEARER_LEVEL * abs(check.reference)
 
 
 @inner
 def _newest_residual(monitor):
     """What the newest samples are off by, before the filter says so."""
-    return monitor.check.residual + newest_mean(monitor) - monitor.filtered
+    return monitor.check.residual + _ahead(monitor)
+
+
+@inner
+def _ahead(monitor):
+    """How far the newest samples are ahead of the filter."""
+    return newest_mean(monitor) - monitor.filtered
 
 
 @inner
 def take_for_slope(monitor):
     """There is no fault any more: what is felt by now is the slope, which is in doubt."""
-    monitor.slope = monitor.check.reference + _newest_residual(monitor)
+    # A drift is counted from the slope, also where its reference is what was felt a moment ago.
+    monitor.slope = monitor.difference + _ahead(monitor)
     monitor.slope_known = min(monitor.slope_known, STILL_KNOWN)
     monitor.ended_size = np.nan
     forgive_acceleration(monitor)
