@@ -101,5 +101,5 @@ def test_the_help_of_a_node_that_cannot_be_printed_is_no_traceback(place: str) -
         timeout=60,
     )
     os.close(writer)
-    said = "the output cannot be written (No space left on device)\n"
+    said = "the output cannot be written (No space left on device); a disk with room is expected\n"
     assert (done.returncode, done.stderr) == ((2, said) if place == "a full disk" else (0, ""))

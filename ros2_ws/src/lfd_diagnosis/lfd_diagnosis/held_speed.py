@@ -47,9 +47,10 @@ between two samples; an equal sample is the same one again for so many of that t
 
 @inner
 def says_again(speed, at, value):
-    """Whether it is the sample before once more, of a sensor that says everything several times."""
+    """Whether the newest one is the sample before once more, of a sensor that says everything
+    several times."""
     held = speed.held
-    repeating = held.refresh > REPEATING * (at - speed.seen_at)
+    repeating = held.refresh > REPEATING * speed.spacing.gap
     return repeating and value == speed.last and at - held.changed_at < UNEVEN * held.refresh
 
 

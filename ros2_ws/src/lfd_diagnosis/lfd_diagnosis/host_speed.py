@@ -83,7 +83,6 @@ HOST_SPEED = np.dtype(
         ("roughness", ROUGHNESS),
         # Its newest sample, and those just before.
         ("spacing", SPACING),
-        ("seen_at", "f8"),
         ("last", "f8"),
         ("last_at", "f8"),
         ("felt", "f8"),
@@ -105,7 +104,7 @@ HOST_SPEED = np.dtype(
 )
 """State of the host's speed; m/s, s and m/s^2.
 
-Samples. The newest one was seen at `seen_at`; `last`, of `last_at`, is the newest one that was
+Samples. How often they come is in `spacing`; `last`, of `last_at`, is the newest one that was
 taken, since it is in no doubt; `felt` is how the host accelerated then. It is rough for `rough_for`
 s; `calm_for`: steps since a wheel was shaken.
 
@@ -155,7 +154,7 @@ def lose_speed(speed):
 def forget_samples(speed):
     """Those until now tell nothing."""
     speed.last, speed.last_at = np.nan, -np.inf
-    speed.seen_at, speed.held.changed_at = -np.inf, -np.inf
+    speed.held.changed_at = -np.inf
     speed.doubt.jump, speed.doubt.since = np.nan, -np.inf
     speed.rough_for, speed.held.same, speed.felt = 0.0, 0, 0.0
     speed.calm_for = BUMP

@@ -47,18 +47,16 @@ def follow_speed(speed, settings, now, at, value, acceleration, shaken):
     `shaken`: the accelerometer feels a bad road.
     """
     speed.calm_for += 1
-    if is_new(at, speed.spacing.heard_at):
-        follow_spacing(speed.spacing, at)
-        if is_too_seldom(speed.spacing):
-            believe_again(speed)
-            forget_samples(speed)
-    if is_too_seldom(speed.spacing):
+    spacing = speed.spacing
+    new = is_new(at, spacing.heard_at)
+    if new:
+        follow_spacing(spacing, at)
+    if is_too_seldom(spacing):
+        believe_again(speed)
+        forget_samples(speed)
         return
-    if is_new(at, speed.seen_at):
-        again = says_again(speed, at, value)
-        speed.seen_at = at
-        if not (again or doubt_jump(speed, at, value, acceleration)):
-            _take(speed, settings, at, value, acceleration, shaken)
+    if new and not (says_again(speed, at, value) or doubt_jump(speed, at, value, acceleration)):
+        _take(speed, settings, at, value, acceleration, shaken)
     if speed.faulty and not may_be_right(speed):
         stop_following(speed.motion)
         return

@@ -27,6 +27,7 @@ from rclpy.utilities import remove_ros_args
 from lfd_mpc.collector import without_collector
 from lfd_mpc.deadline import end_within
 from lfd_mpc.errors import UserError
+from lfd_mpc.printed import Printed, no_room
 from lfd_mpc.starting import ENDING_SIGNALS
 
 NodeType = TypeVar("NodeType", bound=Node)
@@ -271,15 +272,12 @@ def run_node(
 
 def _print_help(text: str) -> int:
     """Returns the exit status: a reader who has gone is no failure, a full disk is one."""
-    try:
-        print(text, flush=True)
-    except OSError as error:
-        # What could not be printed is not tried again at exit, which would say so at length.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if not isinstance(error, BrokenPipeError):
-            print(f"the output cannot be written ({error.strerror})", file=sys.stderr)
-            return 2
-    return 0
+    printed = Printed(sys.stdout)
+    print(text, file=printed, flush=True)
+    if printed.full is None:
+        return 0
+    print(no_room(printed.full), file=sys.stderr)
+    return 2
 
 
 def _refuse_further(args: list[str]) -> None:

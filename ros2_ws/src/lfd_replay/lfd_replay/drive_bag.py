@@ -17,9 +17,10 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from lfd_mpc.errors import UserError
+from lfd_mpc.printed import DISK_FULL
 from lfd_mpc.samples import ACCELERATION, HOST_SPEED, LEAD_ACCELERATION, RADAR, RadarSample, Sample
 from lfd_replay.drive import Drive, playing_times
-from lfd_replay.errors import DISK_FULL, WrongOption
+from lfd_replay.errors import WrongOption
 from lfd_replay.paths import share_folder
 from lfd_replay.recordings.can_log import HostSignals
 from lfd_replay.recordings.message_definitions import DEFINITIONS
